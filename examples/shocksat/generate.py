@@ -33,6 +33,9 @@ POST = 5.625  # the posts stand at (+-POST, +-POST)
 DISH_RADII = (1.75, 3.5, 5.25, 2 * POST * sqrt(2) - 9.0, 9.0)  # the outer two rings straddle the post tops
 DISH_ANGLES = [radians(7.5 + 15.0 * k) for k in range(24)]
 CORNERS = ((1, 1), (-1, 1), (-1, -1), (1, -1))
+SIDES = ((1, 0), (0, 1), (-1, 0), (0, -1))  # the wheels' walls
+WHEELS, FEET, DISH_CENTER = (9001, 9002, 9003, 9004), (9201, 9202, 9203, 9204), 9101
+BOUNDARY = {"bus": (*WHEELS, *FEET), "optic": (DISH_CENTER, *FEET)}  # ascending, as in the component's rows
 
 # Properties -----------------------------------------------------------------------------------------------------------
 
@@ -66,6 +69,12 @@ $ SI units (m, kg, s, N). Written by generate.py.
 """
 
 
+def rounded(point: Point) -> Point:
+    """A point as `Mesh.ids` looks it up."""
+    x, y, z = (round(v, 6) for v in point)
+    return x, y, z
+
+
 @dataclass
 class Mesh:
     """Grids (inches) and elements, numbered in the order in which they are made."""
@@ -74,7 +83,8 @@ class Mesh:
     quads: dict[int, tuple[int, tuple[int, ...]]] = field(default_factory=dict)  # id -> (property, grids)
     bars: dict[int, tuple[int, int, int]] = field(default_factory=dict)  # id -> (property, grid, grid)
     rigids: dict[int, tuple[int, str, tuple[int, ...]]] = field(default_factory=dict)  # id -> (grid, dof, dependents)
-    ids: dict[Point, int] = field(default_factory=dict)
+    ids: dict[Point, int] = field(default_factory=dict)  # of the part now being meshed
+    next_grid: int = 1
 
     def start_numbering(self, first: int) -> None:
         """Number the grids to come from `first`; they share no grid with what was meshed before."""
@@ -83,7 +93,7 @@ class Mesh:
 
     def grid(self, point: Point) -> int:
         """The grid at a point, made if there is none yet."""
-        key = tuple(round(x, 6) for x in point)
+        key = rounded(point)
         if key not in self.ids:
             self.ids[key] = self.add(self.next_grid, point)
             self.next_grid += 1
@@ -175,12 +185,12 @@ def bolts(mesh: Mesh, bottom: dict[Point, int], top: dict[Point, int]) -> None:
     """28 bolts between the flanges."""
     for v in (-7.5, -5.0, -2.5, 0.0, 2.5, 5.0, 7.5):
         for x, y in ((v, -10.0), (v, 10.0), (-10.0, v), (10.0, v)):
-            mesh.bar(BOLT, bottom[x, y, 28.0], top[x, y, 28.6])
+            mesh.bar(BOLT, bottom[x, y, BOTTOM_Z[-1]], top[x, y, TOP_Z[0]])
 
 
 def wheels(mesh: Mesh, bottom: dict[Point, int]) -> None:
     """Four wheel grids, each carried by four grids of the wall outboard of it."""
-    for number, (x, y) in enumerate(((1, 0), (0, 1), (-1, 0), (0, -1)), start=9001):
+    for number, (x, y) in zip(WHEELS, SIDES, strict=True):
         mesh.add(number, (6.0 * x, 6.0 * y, 19.0))
         offsets = (2.5, 0.0), (-2.5, 0.0), (0.0, -2.25), (0.0, 2.25)  # along the wall, up
         wall = [(9.0 * x - s * y, 9.0 * y + s * x, 19.0 + up) for s, up in offsets]
@@ -189,7 +199,7 @@ def wheels(mesh: Mesh, bottom: dict[Point, int]) -> None:
 
 def interface(mesh: Mesh, top: dict[Point, int]) -> None:
     """Four grids at the feet of the posts, each carried by the roof cell around it."""
-    for number, (x, y) in enumerate(CORNERS, start=9201):
+    for number, (x, y) in zip(FEET, CORNERS, strict=True):
         mesh.add(number, (POST * x, POST * y, 65.0))
         cell = (5.0, 5.0), (6.25, 5.0), (6.25, 6.25), (5.0, 6.25)
         mesh.rigid(number, "123", (top[a * x, b * y, 65.0] for a, b in cell))
@@ -212,7 +222,7 @@ def dish(mesh: Mesh) -> None:
 
 def posts(mesh: Mesh) -> None:
     mesh.start_numbering(5501)
-    for foot, (x, y) in enumerate(CORNERS, start=9201):
+    for foot, (x, y) in zip(FEET, CORNERS, strict=True):
         column = [foot] + [mesh.grid((POST * x, POST * y, 65.0 + 7.0 * i / 4)) for i in range(1, 5)]
         for a, b in pairwise(column):
             mesh.bar(POST_BAR, a, b)
@@ -222,10 +232,10 @@ def dish_supports(mesh: Mesh, dish_ids: dict[Point, int]) -> None:
     """The inner ring hangs on the dish centre; each post top carries the dish cell around it."""
 
     def at(radius: float, sector: int) -> int:
-        return dish_ids[tuple(round(v, 6) for v in dish_point(radius, sector))]
+        return dish_ids[rounded(dish_point(radius, sector))]
 
-    mesh.add(9101, (0.0, 0.0, DISH_Z))
-    mesh.rigid(9101, "123456", (at(DISH_RADII[0], k) for k in range(24)))
+    mesh.add(DISH_CENTER, (0.0, 0.0, DISH_Z))
+    mesh.rigid(DISH_CENTER, "123456", (at(DISH_RADII[0], k) for k in range(24)))
     inside, outside = DISH_RADII[3:]
     for top, k in zip((5504, 5508, 5512, 5516), (2, 8, 14, 20), strict=True):
         mesh.rigid(top, "123", (at(inside, k), at(outside, k), at(outside, k + 1), at(inside, k + 1)))
@@ -263,11 +273,11 @@ def part(mesh: Mesh, keep: Callable[[int], bool]) -> Mesh:
 
 
 def in_bus(grid: int) -> bool:
-    return grid < 5000 or 9001 <= grid <= 9004 or 9201 <= grid <= 9204
+    return grid < 5000 or grid in BOUNDARY["bus"]
 
 
 def in_optic(grid: int) -> bool:
-    return 5000 < grid < 6000 or grid == 9101 or 9201 <= grid <= 9204
+    return 5000 < grid < 6000 or grid in BOUNDARY["optic"]
 
 
 # Cards ----------------------------------------------------------------------------------------------------------------
@@ -281,13 +291,13 @@ def grid_card(number: int, point: Point) -> str:
 
 def rigid_card(number: int, grid: int, directions: str, dependents: tuple[int, ...]) -> str:
     fields = [str(number), str(grid), directions, *map(str, dependents)]
-    rows = [fields[i : i + 8] for i in range(0, len(fields), 8)]
-    return "\n".join(",".join([head, *row]) for head, row in zip(["RBE2"] + [""] * len(rows), rows, strict=False))
+    rows = [",".join(fields[i : i + 8]) for i in range(0, len(fields), 8)]
+    return "RBE2," + "\n,".join(rows)
 
 
 def mass_card() -> str:
     """The lumped optics at the dish centre: 0.8 kg and a small inertia about each axis."""
-    return "CONM2,30001,9101,,0.8\n,6.322568e-4,,6.322568e-4,,,6.322568e-4"
+    return f"CONM2,30001,{DISH_CENTER},,0.8\n,6.322568e-4,,6.322568e-4,,,6.322568e-4"
 
 
 def shell_card(number: int) -> str:
@@ -323,7 +333,7 @@ def bulk(mesh: Mesh) -> list[str]:
     quads = [f"CQUAD4,{e},{p}," + ",".join(map(str, g)) for e, (p, g) in mesh.quads.items()]
     bars = [f"CBAR,{e},{p},{a},{b},1.,0.,0." for e, (p, a, b) in mesh.bars.items()]  # orientation +x
     rigids = [rigid_card(e, *r) for e, r in mesh.rigids.items()]
-    masses = [mass_card()] if 9101 in mesh.grids else []
+    masses = [mass_card()] if DISH_CENTER in mesh.grids else []
     grids = [grid_card(g, mesh.grids[g]) for g in sorted(mesh.grids)]
     return grids + quads + bars + rigids + masses + property_cards(mesh)
 
@@ -339,15 +349,15 @@ def modes_deck(mesh: Mesh, title: str, n_modes: int) -> str:
     return SURROGATE + "\n".join([*head, *case, *PARAMETERS, *method, *bulk(mesh), "ENDDATA", ""])
 
 
-def craig_bampton_deck(mesh: Mesh, name: str, boundary: tuple[int, ...], n_modes: int) -> str:
+def craig_bampton_deck(mesh: Mesh, part_name: str, n_modes: int) -> str:
     """SOL 31: Craig-Bampton model; the boundary is what SUPORT names."""
+    name, boundary = part_name.upper(), BOUNDARY[part_name]
     head = [f"ID SHOCKSAT,{name}", "SOL 31", "OUTPUT4 KXX,MXX,,,//-1/21", "OUTPUT4 PHIXG,,,,//-1/22", "CEND"]
     case = [f"TITLE = SHOCKSAT SURROGATE, {name}, CRAIG-BAMPTON, SI", "METHOD = 1", "BEGIN BULK"]
     method = [f"EIGRL,1,,,{n_modes},,,,MASS", *(f"SUPORT,{g},123456" for g in boundary)]
     return SURROGATE + "\n".join([*head, *case, *PARAMETERS, *method, *bulk(mesh), "ENDDATA", ""])
 
 
-WHEELS, FEET, DISH_CENTER = (9001, 9002, 9003, 9004), (9201, 9202, 9203, 9204), 9101
 WHOLE_MODES, BUS_MODES, OPTIC_MODES = 180, 360, 30
 
 
@@ -357,8 +367,8 @@ def decks() -> dict[str, str]:
     bus, optic = part(mesh, in_bus), part(mesh, in_optic)
     return {
         "whole": modes_deck(mesh, "SHOCKSAT SURROGATE, WHOLE, FREE-FREE, SI", WHOLE_MODES),
-        "bus": craig_bampton_deck(bus, "BUS", WHEELS + FEET, BUS_MODES),
-        "optic": craig_bampton_deck(optic, "OPTIC", (DISH_CENTER, *FEET), OPTIC_MODES),
+        "bus": craig_bampton_deck(bus, "bus", BUS_MODES),
+        "optic": craig_bampton_deck(optic, "optic", OPTIC_MODES),
     }
 
 

@@ -6,6 +6,7 @@ OUTPUT4 is written here too, in the sparse form that keeps only the nonzero stri
 from __future__ import annotations
 
 import struct
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -95,7 +96,7 @@ def read_grids(deck: Path) -> dict[int, np.ndarray]:
     lines = deck.read_text().splitlines()
     return {
         int(line[8:24]): np.array([line[40:56], line[56:72], after[8:24]], float)
-        for line, after in zip(lines, lines[1:], strict=False)
+        for line, after in pairwise(lines)
         if line.startswith("GRID*")
     }
 
