@@ -86,7 +86,9 @@ def print_coupling(reference: np.ndarray) -> None:
     print(f"coupled components ({bus} and {optic} coordinates), rigid-body modes, Hz:", np.round(frequency[:6], 6))
     for mode in range(6, 10):
         error = 100 * (frequency[mode] / reference[mode] - 1)
-        print(f"{mode - 5:4d} {frequency[mode]:12.4f} Hz, MYSTRAN whole {reference[mode]:10.4f} Hz, error {error:.4f} %")
+        print(
+            f"{mode - 5:4d} {frequency[mode]:12.4f} Hz, MYSTRAN whole {reference[mode]:10.4f} Hz, error {error:.4f} %"
+        )
     for below_hz in (200.0, 300.0, 500.0):
         print_difference("coupled components against MYSTRAN whole", frequency, reference, below_hz)
 
@@ -98,7 +100,8 @@ def print_component(name: str) -> None:
     rigid = np.vstack([matrices.rigid_link(grids[grid]) for grid in BOUNDARY[name]])
     force = abs(matrix[:boundary, :boundary] @ rigid).max() / abs(matrix[:boundary, :boundary]).max()
     fixed = hertz(np.diag(matrix)[boundary:])
-    print(f"{name}: {boundary} + {len(fixed)} coordinates, fixed-interface modes {fixed.min():.3f} to {fixed.max():.2f} Hz")
+    print(f"{name}: {boundary} + {len(fixed)} coordinates", end=", ")
+    print(f"fixed-interface modes {fixed.min():.3f} to {fixed.max():.2f} Hz")
     print(f"{name}: rigid-body force / largest boundary stiffness {force:.1e}")
     with np.load(DATA / f"{name}_display.npz") as display:
         expected = np.vstack([matrices.rigid_link(position)[:3] for position in display["positions"]])

@@ -31,9 +31,7 @@ def coarse_edges() -> list[tuple[tuple[float, float], tuple[float, float]]]:
 
 
 def wall_faces(levels: list[float]) -> list[Face]:
-    return [
-        ((*a, low), (*b, low), (*b, high), (*a, high)) for low, high in pairwise(levels) for a, b in coarse_edges()
-    ]
+    return [((*a, low), (*b, low), (*b, high), (*a, high)) for low, high in pairwise(levels) for a, b in coarse_edges()]
 
 
 def plate_faces(z: float) -> list[Face]:

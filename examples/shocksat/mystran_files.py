@@ -1,7 +1,4 @@
-"""Read what MYSTRAN writes: OUTPUT4 matrices and the sparse G-set stiffness and mass; read the decks of generate.py.
-
-OUTPUT4 is written here too, in the sparse form that keeps only the nonzero strings of each column.
-"""
+"""Read what MYSTRAN writes: OUTPUT4 matrices and the sparse G-set stiffness and mass; and the decks of generate.py."""
 
 from __future__ import annotations
 
@@ -32,21 +29,8 @@ def records(data: bytes) -> list[bytes]:
     return bodies
 
 
-def column_strings(body: bytes, first_row: int) -> list[tuple[int, np.ndarray]]:
-    """(first row from 0, values) of each string of a double-precision column; `first_row` 0 marks the sparse form."""
-    if first_row > 0:
-        return [(first_row - 1, np.frombuffer(body, "<f8"))]
-    strings, at = [], 0
-    while at < len(body):
-        (header,) = struct.unpack_from("<i", body, at)
-        words, row = header // 65536 - 1, header % 65536
-        strings.append((row - 1, np.frombuffer(body, "<f8", words // 2, at + 4)))
-        at += 4 * (words + 1)
-    return strings
-
-
 def read_op4(path: Path) -> dict[str, np.ndarray]:
-    """All matrices of a binary double-precision OUTPUT4 file."""
+    """All matrices of a binary, dense, double-precision OUTPUT4 file, as MYSTRAN writes it."""
     matrices: dict[str, np.ndarray] = {}
     bodies = iter(records(path.read_bytes()))
     for header in bodies:
@@ -56,39 +40,10 @@ def read_op4(path: Path) -> dict[str, np.ndarray]:
             column, first_row, words = struct.unpack_from("<3i", body)
             if column > columns:
                 break
-            for row, values in column_strings(body[12 : 12 + 4 * words], first_row):
-                matrix[row : row + len(values), column - 1] = values
+            values = np.frombuffer(body, "<f8", words // 2, 12)
+            matrix[first_row - 1 : first_row - 1 + len(values), column - 1] = values
         matrices[header[16:24].decode().strip()] = matrix
     return matrices
-
-
-def strings_of(column: np.ndarray) -> bytes:
-    """The sparse strings of a column: a header word (length and first row), then the values."""
-    rows = np.flatnonzero(column)
-    runs = np.split(rows, np.flatnonzero(np.diff(rows) > 1) + 1) if len(rows) else []
-    out = b""
-    for run in runs:
-        header = run[0] + 1 + 65536 * (2 * len(run) + 1)
-        out += struct.pack("<i", header) + column[run].astype("<f8").tobytes()
-    return out
-
-
-def write_op4(path: Path, matrices: dict[str, np.ndarray]) -> None:
-    """Write matrices as binary OUTPUT4, double precision, sparse (little-endian, fewer than 65536 rows)."""
-    with path.open("wb") as file:
-
-        def record(body: bytes) -> None:
-            file.write(struct.pack("<i", len(body)) + body + struct.pack("<i", len(body)))
-
-        for name, matrix in matrices.items():
-            rows, columns = matrix.shape
-            form = 1 if rows == columns else 2
-            record(struct.pack("<4i8s", columns, rows, form, 2, name.ljust(8).encode()))
-            for number, column in enumerate(matrix.T, start=1):
-                strings = strings_of(column)
-                if strings:
-                    record(struct.pack("<3i", number, 0, len(strings) // 4) + strings)
-            record(struct.pack("<3id", columns + 1, 1, 2, 1.0))
 
 
 def read_grids(deck: Path) -> dict[int, np.ndarray]:
