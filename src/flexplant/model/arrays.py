@@ -1,0 +1,84 @@
+"""Checked, read-only arrays: the one place where matrices that enter a domain type are inspected."""
+
+from __future__ import annotations
+
+from typing import Any, TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+import scipy.sparse as sp
+
+from flexplant.errors import ModelError
+
+FloatArray: TypeAlias = npt.NDArray[np.float64]
+IntArray: TypeAlias = npt.NDArray[np.int64]
+Matrix: TypeAlias = Any  # a real symmetric or rectangular matrix: (n, m) float64 ndarray or scipy.sparse CSR array
+
+SYMMETRY_TOLERANCE = 1e-6  # relative; single-precision vendor files are symmetric to about 1e-7
+
+
+def frozen(array: npt.ArrayLike, dtype: npt.DTypeLike = np.float64) -> Any:
+    """A read-only copy of `array` with the given dtype."""
+    out = np.array(array, dtype=dtype)
+    out.setflags(write=False)
+    return out
+
+
+def is_sparse(matrix: Any) -> bool:
+    """True for any scipy.sparse array or matrix."""
+    return bool(sp.issparse(matrix))
+
+
+def dense(matrix: Matrix) -> FloatArray:
+    """The matrix as an ndarray (a view where it already is one)."""
+    return np.asarray(matrix.toarray() if is_sparse(matrix) else matrix)
+
+
+def checked_matrix(matrix: Any, shape: tuple[int | None, int | None], what: str) -> Matrix:
+    """Read-only float64 matrix of the given shape (None = any), kept sparse (CSR) if it came sparse.
+
+    Raises ModelError with both shapes, or the row and column of the first entry that is not finite.
+    """
+    if is_sparse(matrix):
+        out = sp.csr_array(matrix, dtype=np.float64, copy=True)
+        out.sum_duplicates()
+        data = out.data
+    else:
+        try:
+            out = np.array(matrix, dtype=np.float64)
+        except (TypeError, ValueError) as error:
+            raise ModelError(f"{what} is not a real numeric matrix ({error})") from None
+        data = out
+    if out.ndim != 2 or any(want is not None and want != got for want, got in zip(shape, out.shape, strict=False)):
+        wanted = "(" + ", ".join("any" if s is None else str(s) for s in shape) + ")"
+        raise ModelError(f"{what} has shape {out.shape}, but {wanted} is needed")
+    if not np.isfinite(data).all():
+        row, column = np.argwhere(~np.isfinite(dense(out)))[0]
+        raise ModelError(f"{what} has an entry that is not finite at row {row}, column {column} (counted from 0)")
+    data.setflags(write=False)
+    return out
+
+
+def checked_symmetric(matrix: Any, n: int | None, what: str) -> Matrix:
+    """`checked_matrix` for a symmetric matrix; round-off asymmetry is averaged away, larger asymmetry is an error."""
+    out = checked_matrix(matrix, (n, n), what)
+    if out.shape[0] != out.shape[1]:
+        raise ModelError(f"{what} has shape {out.shape}, but a square matrix is needed")
+    difference = abs(out - out.T)
+    largest = float(abs(out).max()) if out.shape[0] and (not is_sparse(out) or out.nnz) else 0.0
+    worst = float(difference.max()) if out.shape[0] and (not is_sparse(out) or difference.nnz) else 0.0
+    if worst > SYMMETRY_TOLERANCE * largest:
+        row, column = np.unravel_index(int(np.argmax(dense(difference))), out.shape)
+        raise ModelError(
+            f"{what} is not symmetric: entries ({row}, {column}) and ({column}, {row}) differ by {worst:.3g} "
+            f"(largest entry {largest:.3g}); if only one triangle is stored, fill the other one first"
+        )
+    if worst == 0.0:
+        return out
+    symmetric = 0.5 * (out + out.T)
+    if is_sparse(symmetric):
+        symmetric = sp.csr_array(symmetric)
+        symmetric.data.setflags(write=False)
+    else:
+        symmetric.setflags(write=False)
+    return symmetric

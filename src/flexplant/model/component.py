@@ -1,0 +1,138 @@
+"""What flexplant couples: finite-element models and Hurty/Craig-Bampton components."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from flexplant.errors import ModelError
+from flexplant.model.arrays import FloatArray, Matrix, checked_symmetric, dense, frozen
+from flexplant.model.dofs import DofSet
+from flexplant.model.geometry import Nodes
+from flexplant.model.recovery import Recovery
+
+
+def check_name(name: str, what: str) -> str:
+    """A name usable in channel names such as "bus.101.1": no dots, colons or blanks; ModelError otherwise."""
+    if not isinstance(name, str) or not name or any(c in ".:/" or c.isspace() for c in name):
+        raise ModelError(f"{what} name {name!r}: use a non-empty text without dots, colons, slashes and blanks")
+    return name
+
+
+def _check_nodes(owner: str, nodes: Nodes | None, dofs: DofSet) -> None:
+    if nodes is None:
+        return
+    missing = [n for n in dofs.nodes if n not in nodes]
+    if missing:
+        raise ModelError(f"{owner}: DOF at nodes {missing[:8]} that are not in its {len(nodes)} nodes; add their positions")
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class FiniteElementModel:
+    """An unreduced model  M u'' + Z u' + K u = f.
+
+    mass, stiffness, damping (or None): (n, n), symmetric, sparse or dense. dofs: one (node, direction) a row.
+    nodes: positions and displacement frames, or None where unknown. source: provenance for reports.
+    """
+
+    name: str
+    mass: Matrix
+    stiffness: Matrix
+    dofs: DofSet
+    nodes: Nodes | None = None
+    damping: Matrix | None = None
+    source: Mapping[str, Any] = field(default_factory=dict)
+    units: str = "SI"
+
+    def __post_init__(self) -> None:
+        check_name(self.name, "model")
+        dofs = DofSet.of(self.dofs)
+        object.__setattr__(self, "dofs", dofs)
+        for kind in ("mass", "stiffness", "damping"):
+            if (matrix := getattr(self, kind)) is not None:
+                object.__setattr__(self, kind, checked_symmetric(matrix, len(dofs), f"model {self.name!r}: {kind} matrix"))
+        _check_nodes(f"model {self.name!r}", self.nodes, dofs)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Component:
+    """A Hurty/Craig-Bampton component, coordinates p = [b; q]: physical boundary DOF, then modal.
+
+    Equations 1-4 of the workflow:  M p'' + Z p' + K p = F,  M = [[Mbb, Mbq], [Mqb, I]],  K = [[Kbb, 0], [0, w^2]],
+    Z = [[0, 0], [0, 2 xi w]]; other symmetric forms (physical Z, residual vectors, no modal part) are accepted as given.
+
+    mass, stiffness, damping (or None): (n, n) symmetric, n = len(boundary) + n_modal; mass may be singular or indefinite.
+    boundary: (node, direction) of the first rows. recovery: by name (a mapping, or a sequence of `Recovery`).
+    Raises ModelError with the names and shapes that disagree. Source: Craig and Bampton 1968; Hurty 1965.
+    """
+
+    name: str
+    mass: Matrix
+    stiffness: Matrix
+    boundary: DofSet
+    damping: Matrix | None = None
+    nodes: Nodes | None = None
+    recovery: Mapping[str, Recovery] = field(default_factory=dict)
+    modal_ids: Sequence[int] | None = None
+    source: Mapping[str, Any] = field(default_factory=dict)
+    units: str = "SI"
+
+    def __post_init__(self) -> None:
+        owner = f"component {check_name(self.name, 'component')!r}"
+        boundary = DofSet.of(self.boundary)
+        object.__setattr__(self, "boundary", boundary)
+        mass = checked_symmetric(self.mass, None, f"{owner}: mass matrix")
+        n = mass.shape[0]
+        object.__setattr__(self, "mass", mass)
+        if len(boundary) > n:
+            raise ModelError(f"{owner}: {len(boundary)} boundary DOF but matrices of shape {mass.shape}")
+        for kind in ("stiffness", "damping"):
+            if (matrix := getattr(self, kind)) is not None:
+                object.__setattr__(self, kind, checked_symmetric(matrix, n, f"{owner}: {kind} matrix"))
+        _check_nodes(owner, self.nodes, boundary)
+        self._set_recovery(owner, n)
+        ids = frozen(np.arange(1, self.n_modal + 1) if self.modal_ids is None else self.modal_ids, np.int64)
+        if ids.shape != (self.n_modal,):
+            raise ModelError(f"{owner}: {ids.size} modal ids for {self.n_modal} modal coordinates")
+        object.__setattr__(self, "modal_ids", ids)
+
+    def _set_recovery(self, owner: str, n: int) -> None:
+        given: Any = self.recovery
+        items: Iterable[Recovery] = given.values() if isinstance(given, Mapping) else given
+        recovery = {check_name(r.name, "recovery"): r for r in items}
+        for r in recovery.values():
+            if r.n_columns != n:
+                raise ModelError(f"{owner}: recovery {r.name!r} has {r.n_columns} columns, but the matrices are ({n}, {n})")
+        object.__setattr__(self, "recovery", recovery)
+
+    @property
+    def n(self) -> int:
+        """Number of generalised coordinates."""
+        return int(self.mass.shape[0])
+
+    @property
+    def n_boundary(self) -> int:
+        """Number of physical boundary DOF."""
+        return len(self.boundary)
+
+    @property
+    def n_modal(self) -> int:
+        """Number of modal coordinates."""
+        return self.n - self.n_boundary
+
+    @cached_property
+    def dofs(self) -> DofSet:
+        """All coordinates: boundary (node, direction), then modal (modal id, 0)."""
+        modal = np.asarray(self.modal_ids)
+        return DofSet(np.r_[self.boundary.node, modal], np.r_[self.boundary.direction, np.zeros(self.n_modal, int)])
+
+    @cached_property
+    def fixed_interface_hz(self) -> FloatArray:
+        """(n_modal,) sqrt(Kqq / Mqq) / 2 pi of the modal coordinates, Hz (negative stiffness gives NaN)."""
+        k, m = dense(self.stiffness).diagonal()[self.n_boundary :], dense(self.mass).diagonal()[self.n_boundary :]
+        with np.errstate(invalid="ignore", divide="ignore"):
+            return np.asarray(np.sqrt(k / m) / (2 * np.pi))

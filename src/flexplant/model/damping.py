@@ -1,0 +1,51 @@
+"""Component damping from modal ratios (equation 4)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import TypeAlias
+
+import numpy as np
+import scipy.sparse as sp
+
+from flexplant.errors import ModelError
+from flexplant.model.arrays import FloatArray, is_sparse
+from flexplant.model.component import Component
+
+DampingRatio: TypeAlias = float | Sequence[float] | FloatArray | Sequence[tuple[float, float]]
+
+
+def damping_ratios(ratio: DampingRatio, frequency_hz: FloatArray, what: str = "damping ratio") -> FloatArray:
+    """Ratios at the given frequencies, (n,).
+
+    ratio: one value; one value a mode (n,); or a table [(frequency_hz, ratio), ...], linear between its points and
+    constant outside. A list of two-element rows is a table. Raises ModelError for negative, NaN or miscounted values.
+    """
+    given = np.asarray(ratio, dtype=float)
+    n = frequency_hz.size
+    if given.size and (not np.isfinite(given).all() or given.min() < 0):
+        raise ModelError(f"{what}: values must be finite and not negative, got {ratio!r}")
+    if given.ndim == 0:
+        return np.full(n, float(given))
+    if given.ndim == 1 and given.size == n:
+        return given.copy()
+    if given.ndim == 2 and given.shape[1] == 2 and given.shape[0]:
+        order = np.argsort(given[:, 0])
+        return np.asarray(np.interp(frequency_hz, given[order, 0], given[order, 1]))
+    raise ModelError(f"{what}: give one value, {n} values, or a table of (frequency_hz, ratio) rows; got shape {given.shape}")
+
+
+def with_modal_damping(component: Component, ratio: DampingRatio) -> Component:
+    """The component with Z = [[0, 0], [0, 2 xi w]] (equation 4); w from the diagonal of Kqq and Mqq.
+
+    ratio: see `damping_ratios`, one value a modal coordinate. Replaces any damping the component had.
+    """
+    hz = component.fixed_interface_hz
+    if np.isnan(hz).any():
+        raise ModelError(f"component {component.name!r}: modal coordinates with negative stiffness have no damping ratio")
+    xi = damping_ratios(ratio, hz, f"component {component.name!r}: damping ratio")
+    modal_mass = component.mass.diagonal()[component.n_boundary :]
+    diagonal = np.r_[np.zeros(component.n_boundary), 2 * xi * 2 * np.pi * hz * modal_mass]
+    damping = sp.diags_array(diagonal).tocsr() if is_sparse(component.stiffness) else np.diag(diagonal)
+    return replace(component, damping=damping)

@@ -1,0 +1,53 @@
+"""Recovery (data recovery, DRM, OTM) matrices: physical quantities from component coordinates."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from flexplant.errors import ModelError, nearest
+from flexplant.model.arrays import Matrix, checked_matrix
+
+
+@dataclass(frozen=True, eq=False)
+class Recovery:
+    """Rows that recover y = D p + V p' + A p'' from the component's coordinates p = [b; q].
+
+    labels: one name a row, distinct. displacement, velocity, acceleration: (n_rows, n) or None, at least one given.
+    units: text for plots, for example "m" or "N".
+    """
+
+    name: str
+    labels: Sequence[str]
+    displacement: Matrix | None = None
+    velocity: Matrix | None = None
+    acceleration: Matrix | None = None
+    units: str = ""
+
+    def __post_init__(self) -> None:
+        labels = tuple(str(label) for label in self.labels)
+        if len(set(labels)) != len(labels):
+            twice = sorted({label for label in labels if labels.count(label) > 1})
+            raise ModelError(f"recovery {self.name!r}: labels listed twice: {', '.join(twice[:8])}")
+        object.__setattr__(self, "labels", labels)
+        columns: int | None = None
+        for kind in ("displacement", "velocity", "acceleration"):
+            if (matrix := getattr(self, kind)) is not None:
+                matrix = checked_matrix(matrix, (len(labels), columns), f"recovery {self.name!r}, {kind} matrix")
+                columns = matrix.shape[1]
+                object.__setattr__(self, kind, matrix)
+        if columns is None:
+            raise ModelError(f"recovery {self.name!r}: give at least one of displacement, velocity, acceleration")
+
+    @property
+    def n_columns(self) -> int:
+        """Number of component coordinates the rows act on."""
+        given = next(m for m in (self.displacement, self.velocity, self.acceleration) if m is not None)
+        return int(given.shape[1])
+
+    def row(self, label: str) -> int:
+        """Row of a label; ModelError suggests the nearest label."""
+        try:
+            return list(self.labels).index(label)
+        except ValueError:
+            raise ModelError(f"recovery {self.name!r} has no row {label!r}." + nearest(label, self.labels)) from None

@@ -1,0 +1,123 @@
+"""Unit systems: explicit choices, converted to SI at the edge, never guessed."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import scipy.sparse as sp
+
+from flexplant.errors import InputError, nearest
+from flexplant.model.arrays import FloatArray, Matrix
+from flexplant.model.component import Component, FiniteElementModel
+from flexplant.model.dofs import DofSet
+from flexplant.model.geometry import Nodes
+from flexplant.model.recovery import Recovery
+
+
+@dataclass(frozen=True)
+class UnitSystem:
+    """A consistent mechanical unit system: one unit of length in metres, of mass in kilograms; time is the second."""
+
+    name: str
+    length: float
+    mass: float
+
+    @property
+    def force(self) -> float:
+        """One unit of force, newtons."""
+        return self.mass * self.length
+
+
+INCH, POUND_FORCE = 0.0254, 4.4482216152605
+SI = UnitSystem("SI", 1.0, 1.0)
+UNIT_SYSTEMS = {
+    u.name: u
+    for u in (
+        SI,
+        UnitSystem("mm-tonne-s", 1e-3, 1e3),
+        UnitSystem("mm-kg-s", 1e-3, 1.0),
+        UnitSystem("inch-slinch-s", INCH, POUND_FORCE / INCH),
+        UnitSystem("ft-slug-s", 0.3048, POUND_FORCE / 0.3048),
+    )
+}
+
+
+def unit_system(units: str | UnitSystem | tuple[float, float]) -> UnitSystem:
+    """A preset by name, or (length in m, mass in kg); InputError names the presets."""
+    if isinstance(units, UnitSystem):
+        return units
+    if isinstance(units, str):
+        if units in UNIT_SYSTEMS:
+            return UNIT_SYSTEMS[units]
+        raise InputError(f"unknown unit system {units!r}." + nearest(units, UNIT_SYSTEMS))
+    length, mass = units
+    if not (length > 0 and mass > 0):
+        raise InputError(f"unit system: length and mass must be positive, got {units!r}")
+    return UnitSystem(f"{length} m, {mass} kg", float(length), float(mass))
+
+
+def _old_per_si(dofs: DofSet, units: UnitSystem) -> FloatArray:
+    """d with u_old = d * u_SI: translations 1/L, rotations 1, modal coordinates 1/(sqrt(M) L)."""
+    scale = np.ones(len(dofs))
+    scale[(dofs.direction >= 1) & (dofs.direction <= 3)] = 1 / units.length
+    scale[dofs.direction == 0] = 1 / (np.sqrt(units.mass) * units.length)
+    return scale
+
+
+def _scaled(matrix: Matrix | None, d: FloatArray, energy: float) -> Matrix | None:
+    if matrix is None:
+        return None
+    if sp.issparse(matrix):
+        return sp.csr_array(sp.diags_array(energy * d) @ matrix @ sp.diags_array(d))
+    return energy * d[:, None] * matrix * d[None, :]
+
+
+def _nodes_to_si(nodes: Nodes | None, units: UnitSystem) -> Nodes | None:
+    return None if nodes is None else replace(nodes, positions=nodes.positions * units.length)
+
+
+def _recovery_to_si(recovery: Recovery, d: FloatArray) -> Recovery:
+    """Columns only: the rows' own quantity stays in the file's units, as their `units` text says."""
+
+    def scaled(matrix: Matrix | None) -> Matrix | None:
+        return None if matrix is None else (matrix @ sp.diags_array(d) if sp.issparse(matrix) else matrix * d)
+
+    return replace(
+        recovery,
+        displacement=scaled(recovery.displacement),
+        velocity=scaled(recovery.velocity),
+        acceleration=scaled(recovery.acceleration),
+    )
+
+
+def component_to_si(component: Component, units: str | UnitSystem | tuple[float, float]) -> Component:
+    """The component converted to SI: energy scales by M L^2, so Mqq = I and frequencies stay as they are.
+
+    Recovery rows keep the file's own row units (a stress row cannot be told from a displacement row).
+    """
+    system = unit_system(units)
+    d, energy = _old_per_si(component.dofs, system), system.mass * system.length**2
+    return replace(
+        component,
+        mass=_scaled(component.mass, d, energy),
+        stiffness=_scaled(component.stiffness, d, energy),
+        damping=_scaled(component.damping, d, energy),
+        nodes=_nodes_to_si(component.nodes, system),
+        recovery={r.name: _recovery_to_si(r, d) for r in component.recovery.values()},
+        units="SI",
+    )
+
+
+def model_to_si(model: FiniteElementModel, units: str | UnitSystem | tuple[float, float]) -> FiniteElementModel:
+    """The finite-element model converted to SI, see `component_to_si`."""
+    system = unit_system(units)
+    d, energy = _old_per_si(model.dofs, system), system.mass * system.length**2
+    return replace(
+        model,
+        mass=_scaled(model.mass, d, energy),
+        stiffness=_scaled(model.stiffness, d, energy),
+        damping=_scaled(model.damping, d, energy),
+        nodes=_nodes_to_si(model.nodes, system),
+        units="SI",
+    )
