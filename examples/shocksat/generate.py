@@ -136,11 +136,11 @@ def walls(mesh: Mesh, levels: list[float], y_normal: int, x_normal: int) -> None
             mesh.quad(prop, (*a, low), (*b, low), (*b, high), (*a, high))
 
 
-def plate(mesh: Mesh, prop: int, lines: tuple[float, ...], z: float, keep: Callable[[float, float], bool]) -> None:
-    """A horizontal plate on plan lines, of the cells whose centre `keep` accepts."""
+def plate(mesh: Mesh, prop: int, lines: tuple[float, ...], z: float, hole: float = 0.0) -> None:
+    """A horizontal plate on plan lines, with a square hole of half-width `hole`."""
     for x0, x1 in pairwise(lines):
         for y0, y1 in pairwise(lines):
-            if keep((x0 + x1) / 2, (y0 + y1) / 2):
+            if max(abs(x0 + x1), abs(y0 + y1)) / 2 >= hole:
                 mesh.quad(prop, (x0, y0, z), (x1, y0, z), (x1, y1, z), (x0, y1, z))
 
 
@@ -165,8 +165,8 @@ def stringers(mesh: Mesh, prop: int, levels: list[float]) -> None:
 def bottom_box(mesh: Mesh) -> None:
     mesh.start_numbering(1001)
     walls(mesh, BOTTOM_Z, 11, 15)
-    plate(mesh, 13, PLAN, 10.0, lambda x, y: True)
-    plate(mesh, 12, FLANGE, 28.0, lambda x, y: max(abs(x), abs(y)) > 9)
+    plate(mesh, 13, PLAN, 10.0)
+    plate(mesh, 12, FLANGE, 28.0, hole=9.0)
     ring(mesh, 14, 19.0)
     stringers(mesh, 14, BOTTOM_Z)
 
@@ -174,8 +174,8 @@ def bottom_box(mesh: Mesh) -> None:
 def top_box(mesh: Mesh) -> None:
     mesh.start_numbering(3001)
     walls(mesh, TOP_Z, 21, 25)
-    plate(mesh, 23, PLAN, 65.0, lambda x, y: True)
-    plate(mesh, 22, FLANGE, 28.6, lambda x, y: max(abs(x), abs(y)) > 9)
+    plate(mesh, 23, PLAN, 65.0)
+    plate(mesh, 22, FLANGE, 28.6, hole=9.0)
     for row in TOP_RINGS:
         ring(mesh, 24, TOP_Z[row])
     stringers(mesh, 24, TOP_Z)

@@ -34,10 +34,9 @@ def run(deck: Path, work: Path) -> None:
     shutil.copy(deck, folder)
     (folder / "MYSTRAN.INI").write_text("ALLFILES        KEEP\n")
     environment = os.environ | {"MYSTRAN_directory": str(folder), "OMP_NUM_THREADS": "1"}
+    command = [str(mystran.get_mystran_binary()), deck.name]
     with (folder / "log").open("w") as log:
-        subprocess.run(
-            [str(mystran.get_mystran_binary()), deck.name], cwd=folder, env=environment, stdout=log, check=False
-        )
+        subprocess.run(command, cwd=folder, env=environment, stdout=log, check=False)
     check_finished(folder / deck.stem)
 
 
