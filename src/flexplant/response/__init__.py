@@ -1,1 +1,1 @@
-
+"""Responses of plants: frequency, norms, margins, time."""

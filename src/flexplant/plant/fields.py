@@ -1,0 +1,48 @@
+"""Checks shared by the plant types: channel names, and arrays whose shapes must fit together."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from flexplant.errors import ModelError
+from flexplant.model.arrays import FloatArray, checked_matrix, dense, frozen
+
+
+def checked_names(names: Sequence[str], what: str, owner: str) -> tuple[str, ...]:
+    """Distinct channel names as a tuple; ModelError lists the repeated ones."""
+    if isinstance(names, str):
+        raise ModelError(f"{owner}: {what} must be a list of names, got the text {names!r}; write [{names!r}]")
+    out = tuple(str(name) for name in names)
+    twice = sorted({name for name in out if out.count(name) > 1})
+    if twice:
+        raise ModelError(f"{owner}: {what} listed twice: {', '.join(twice[:8])}")
+    return out
+
+
+def checked_units(units: Sequence[str], count: int, what: str, owner: str) -> tuple[str, ...]:
+    """One unit text a channel; nothing given means all empty."""
+    out = tuple(str(u) for u in units) if len(units) else ("",) * count
+    if len(out) != count:
+        raise ModelError(f"{owner}: {len(out)} {what} for {count} channels")
+    return out
+
+
+def checked_dense(matrix: Any, shape: tuple[int | None, int | None], what: str) -> FloatArray:
+    """A read-only finite (rows, columns) ndarray; ModelError names both shapes."""
+    out = dense(checked_matrix(matrix, shape, what))
+    out.setflags(write=False)
+    return out
+
+
+def checked_vector(values: Any, count: int | None, what: str) -> FloatArray:
+    """A read-only finite vector that is nowhere negative; ModelError names the first bad entry."""
+    out: FloatArray = frozen(values)
+    if out.ndim != 1 or (count is not None and out.size != count):
+        raise ModelError(f"{what} has shape {out.shape}, but ({'n' if count is None else count},) is needed")
+    bad = np.flatnonzero(~np.isfinite(out) | (out < 0))
+    if bad.size:
+        raise ModelError(f"{what}: entry {bad[0]} (counted from 0) is {out[bad[0]]}; it must be finite and not negative")
+    return out
