@@ -1,1 +1,7 @@
+"""Components become a coupled system."""
 
+from flexplant.assembly.connection import GROUND, Connection
+from flexplant.assembly.couple import couple
+from flexplant.assembly.system import System, component_rigid_body, system_rigid_body
+
+__all__ = ["GROUND", "Connection", "System", "component_rigid_body", "couple", "system_rigid_body"]

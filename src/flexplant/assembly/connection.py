@@ -1,0 +1,92 @@
+"""Connections between components: which nodes, which directions, in which frame, rigid or compliant."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from flexplant.errors import CouplingError
+from flexplant.model.arrays import FloatArray, frozen
+from flexplant.model.component import check_name
+from flexplant.model.dofs import expand_directions
+from flexplant.model.geometry import check_rotation
+
+GROUND = "ground"
+OFFSETS = ("rigid", "ignore", "forbid")
+
+
+@dataclass(frozen=True, eq=False)
+class Connection:
+    """Ties nodes of component `a` to nodes of component `b` (equations 6-7: p_a - p_b = 0, direction by direction).
+
+    pairs: [(node_a, node_b), ...]; [((node_a, direction), (node_b, direction)), ...] for single coordinates, taken as they
+      are; "by position" (nodes closer than `tolerance`, model length unit); a list of nodes where b is "ground".
+    directions: subset of "123456", along `frame`: "a" or "b" (that side's displacement frame), "system", or (3, 3) rows.
+    offset: for nodes that do not coincide: "rigid" (rigid link, u_b = u_a + theta_a x r), "ignore" (coordinates are
+      equated as they are) or "forbid" (an error).
+    nodes: for "by position", the nodes of `a` that must match; without it one side must match completely.
+    stiffness, damping: None is rigid; a number, one value a direction, or a square matrix makes it compliant (N/m, N m/rad).
+    The constraint's multiplier is the force that a exerts on b.
+    """
+
+    a: str
+    b: str
+    pairs: Any = "by position"
+    directions: str = "123456"
+    name: str | None = None
+    frame: str | FloatArray = "a"
+    offset: str = "rigid"
+    tolerance: float | None = None
+    nodes: Sequence[int] | None = None
+    stiffness: npt.ArrayLike | None = None
+    damping: npt.ArrayLike | None = None
+
+    def __post_init__(self) -> None:
+        if self.b is None:
+            object.__setattr__(self, "b", GROUND)
+        object.__setattr__(self, "name", check_name(self.name or f"{self.a}-{self.b}", "connection"))
+        try:
+            n = len(expand_directions(self.directions))
+        except ValueError as error:
+            raise CouplingError(f"connection {self.name!r}: {error}") from None
+        if self.a == GROUND:
+            raise CouplingError(f"connection {self.name!r}: name the component first and 'ground' second")
+        if isinstance(self.pairs, str) and self.pairs != "by position":
+            raise CouplingError(f"connection {self.name!r}: pairs must be node pairs or 'by position', got {self.pairs!r}")
+        if isinstance(self.pairs, str) and self.b == GROUND:
+            raise CouplingError(f"connection {self.name!r}: list the nodes to ground, for example pairs=[101, 102]")
+        if not isinstance(self.pairs, str) and not len(self.pairs):
+            raise CouplingError(f"connection {self.name!r}: no pairs; give node pairs or 'by position'")
+        if self.offset not in OFFSETS:
+            raise CouplingError(f"connection {self.name!r}: offset {self.offset!r} is not one of {OFFSETS}")
+        self._check_frame()
+        for kind in ("stiffness", "damping"):
+            if getattr(self, kind) is not None:
+                object.__setattr__(self, kind, self._square(kind, n))
+
+    def _check_frame(self) -> None:
+        if not isinstance(self.frame, str):
+            object.__setattr__(self, "frame", check_rotation(self.frame, f"connection {self.name!r}: frame"))
+        elif self.frame not in ("a", "b", "system"):
+            raise CouplingError(
+                f"connection {self.name!r}: frame {self.frame!r} does not exist; use 'a', 'b', 'system' or a (3, 3) rotation"
+            )
+
+    def _square(self, kind: str, n: int) -> FloatArray:
+        given = np.asarray(getattr(self, kind), dtype=float)
+        out = given if given.ndim == 2 else np.diag(np.broadcast_to(given, (n,)) if given.size in (1, n) else given)
+        if out.shape != (n, n) or not np.isfinite(out).all() or abs(out - out.T).max() > 1e-9 * abs(out).max():
+            raise CouplingError(
+                f"connection {self.name!r}: {kind} must be a number, {n} numbers or a symmetric ({n}, {n}) matrix "
+                f"for directions {self.directions!r}, got shape {given.shape}"
+            )
+        return np.asarray(frozen(out))
+
+    @property
+    def rigid(self) -> bool:
+        """True where the connection is a constraint, not a spring or damper."""
+        return self.stiffness is None and self.damping is None

@@ -1,0 +1,219 @@
+"""Normal modes of systems, components and models; modal assurance."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import singledispatch
+from typing import Any, TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+import scipy.linalg as la
+import scipy.sparse as sp
+
+from flexplant.assembly import System, component_rigid_body
+from flexplant.errors import InputError
+from flexplant.model.arrays import FloatArray, dense, frozen, is_sparse
+from flexplant.model.component import Component, FiniteElementModel
+from flexplant.model.geometry import rigid_body_vectors
+from flexplant.numerics.eigen import Eigenpairs, dense_eigenpairs, sparse_eigenpairs
+from flexplant.numerics.rank import split_semidefinite
+
+DENSE_LIMIT = 1500  # coordinates up to which a dense solution is faster than a sparse one or takes about a second
+ZERO_ENERGY = 1e-11  # strain energy of a rigid motion relative to the same motion of the stiffness' diagonal
+
+
+@dataclass(frozen=True, eq=False)
+class Modes:
+    """Normal modes, ascending, mass-normalised: Phi^T M Phi = I, Phi^T K Phi = diag((2 pi f)^2).
+
+    frequency_hz: (k,), exactly 0 for the `n_rigid` leading rigid-body modes and mechanisms. shapes: (n, k) in the object's
+    coordinates (a System's uncoupled coordinates p). residuals: (k,) |K phi - w^2 M phi| / |diag(K) phi|, of the reduced problem.
+    """
+
+    frequency_hz: FloatArray
+    shapes: FloatArray
+    residuals: FloatArray
+    n_rigid: int
+    labels: list[str] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        for name in ("frequency_hz", "shapes", "residuals"):
+            object.__setattr__(self, name, frozen(getattr(self, name)))
+
+    @property
+    def omega(self) -> FloatArray:
+        """(k,) rad/s."""
+        return 2 * np.pi * self.frequency_hz
+
+    def __len__(self) -> int:
+        return int(self.frequency_hz.size)
+
+
+@dataclass(frozen=True, eq=False)
+class _Problem:
+    """K, M in independent coordinates; basis back to the object's coordinates; candidate rigid motions (n, k) or None."""
+
+    stiffness: Any
+    mass: Any
+    basis: Any
+    candidates: FloatArray | None
+    labels: list[str]
+
+
+Modal: TypeAlias = System | Component | FiniteElementModel
+
+
+def normal_modes(model: Modal, *, max_frequency_hz: float | None = None, n_modes: int | None = None) -> Modes:
+    """Undamped normal modes of a coupled system, a component (boundary free) or a finite-element model.
+
+    Modes up to `max_frequency_hz`, or the first `n_modes` (rigid-body modes counted), or all finite ones of a small
+    model. Multipliers carry no mass, so the dual and primal forms share their finite modes; both are solved in the
+    eliminated coordinates. Rigid-body modes are those geometric motions (or, without geometry, that null space) whose
+    strain energy is round-off; they are deflated and leave as exact zeros. Massless directions are condensed statically.
+    Raises InputError for impossible requests, SolverError for an indefinite mass or a massless mechanism.
+    """
+    _check_request(max_frequency_hz, n_modes)
+    problem = _problem(model)
+    n = problem.stiffness.shape[0]
+    rigid = _rigid_motions(problem)
+    if n <= DENSE_LIMIT or (n_modes is None and max_frequency_hz is None) or (n_modes or 0) > n // 3:
+        found = dense_eigenpairs(problem.stiffness, problem.mass, rigid)
+    else:
+        limit = None if max_frequency_hz is None else (2 * np.pi * max_frequency_hz) ** 2
+        found = sparse_eigenpairs(problem.stiffness, problem.mass, rigid, n_modes=n_modes, max_omega2=limit)
+    return _selected(problem, found, max_frequency_hz, n_modes)
+
+
+def _check_request(max_frequency_hz: float | None, n_modes: int | None) -> None:
+    if max_frequency_hz is not None and not max_frequency_hz > 0:
+        raise InputError(f"max_frequency_hz must be positive, got {max_frequency_hz}")
+    if n_modes is not None and (n_modes < 1 or n_modes != int(n_modes)):
+        raise InputError(f"n_modes must be a positive whole number, got {n_modes}")
+
+
+def _selected(problem: _Problem, found: Eigenpairs, max_frequency_hz: float | None, n_modes: int | None) -> Modes:
+    hz = np.sqrt(np.maximum(found.omega2, 0)) / (2 * np.pi)
+    hz = np.where(found.omega2 < 0, -np.sqrt(-np.minimum(found.omega2, 0)) / (2 * np.pi), hz)
+    if n_modes is not None and n_modes > hz.size:
+        raise InputError(f"{n_modes} modes were asked for, but the model has only {hz.size} finite modes")
+    keep = slice(0, n_modes) if max_frequency_hz is None else np.flatnonzero(hz <= max_frequency_hz)[:n_modes]
+    vectors, omega2 = found.vectors[:, keep], found.omega2[keep]
+    force = problem.stiffness @ vectors
+    scale = np.linalg.norm(problem.stiffness.diagonal()[:, None] * vectors, axis=0)
+    residuals = np.linalg.norm(force - (problem.mass @ vectors) * omega2, axis=0) / np.where(scale > 0, scale, 1.0)
+    shapes = vectors if problem.basis is None else problem.basis @ vectors
+    return Modes(hz[keep], shapes, residuals, int(np.count_nonzero(hz[keep][: found.zero] == 0)), problem.labels)
+
+
+@singledispatch
+def _problem(model: object) -> _Problem:
+    raise InputError(f"normal modes need a System, Component or FiniteElementModel, got {type(model).__name__}")
+
+
+@_problem.register
+def _(model: FiniteElementModel) -> _Problem:
+    candidates = (
+        None if model.nodes is None else rigid_body_vectors(model.nodes, model.dofs, about=model.nodes.positions.mean(axis=0))
+    )
+    return _Problem(model.stiffness, model.mass, None, candidates, [f"{n}.{d}" for n, d in model.dofs.pairs])
+
+
+@_problem.register
+def _(model: Component) -> _Problem:
+    candidates = None if model.nodes is None else component_rigid_body(model, about=model.nodes.positions.mean(axis=0))
+    return _Problem(model.stiffness, model.mass, None, candidates, [f"{n}.{d}" for n, d in model.dofs.pairs])
+
+
+@_problem.register
+def _(model: System) -> _Problem:
+    stiffness = sp.csr_array(model.basis.T @ model.uncoupled_stiffness @ model.basis)
+    mass = sp.csr_array(model.basis.T @ model.uncoupled_mass @ model.basis)
+    candidates = _free_motions(model)[model.kept] if model.has_geometry else None
+    return _Problem(stiffness, mass, model.basis, candidates, model.labels)
+
+
+def _free_motions(system: System) -> FloatArray:
+    """Rigid motions of the components that the constraints admit, (n, k): whole-body motion, floating parts, hinges.
+
+    Combinations W c of the components' rigid-body vectors with B W c = 0, found by rank of the small Gram matrix.
+    """
+    blocks = []
+    for c in system.components:
+        assert c.nodes is not None
+        center = system.placement(c.name).apply(c.nodes.positions.mean(axis=0)) if len(c.nodes) else np.zeros(3)
+        vectors = component_rigid_body(c, system.placement(c.name), center)
+        size = np.linalg.norm(vectors, axis=0)
+        blocks.append(sp.csr_array(vectors / np.where(size > 0, size, 1.0)))
+    motions = sp.block_diag(blocks, format="csr")
+    if not system.n_constraints:
+        return dense(motions)
+    gap = dense(system.constraints @ motions)
+    values, vectors = la.eigh(gap.T @ gap)
+    free = values <= 1e-12 * max(values.max(), 1.0)
+    return np.asarray(motions @ vectors[:, free])
+
+
+def _rigid_motions(problem: _Problem) -> FloatArray:
+    """Basis of the zero-energy motions: geometric candidates of no energy, then whatever else is in the null space of K.
+
+    A vendor's rounding leaves geometric motions a little energy, so they are asked first; the null space is exact to
+    round-off and finds mechanisms that geometry does not know (and everything, where positions are unknown).
+    """
+    geometric = _geometric_motions(problem)
+    if problem.stiffness.shape[0] > DENSE_LIMIT:
+        return geometric if problem.candidates is not None else _lowest_energy(problem.stiffness, problem.mass)
+    null = split_semidefinite(dense(problem.stiffness)).null
+    null = la.orth(null) if null.shape[1] else null
+    rest = null - geometric @ (geometric.T @ null)
+    return np.hstack([geometric, la.orth(rest, rcond=1e-3) if (np.linalg.norm(rest, axis=0) > 1e-3).any() else rest[:, :0]])
+
+
+def _geometric_motions(problem: _Problem) -> FloatArray:
+    k, candidates = problem.stiffness, problem.candidates
+    if candidates is None or not candidates.shape[1] or not abs(candidates).max() > 0:
+        return np.zeros((k.shape[0], 0))
+    basis = la.orth(candidates)
+    energy = basis.T @ (k @ basis)
+    local = basis.T @ (k.diagonal()[:, None] * basis)
+    ratio, combination = la.eigh(energy, local + _floor(local))
+    return (
+        np.asarray(la.orth(basis @ combination[:, abs(ratio) <= ZERO_ENERGY]))
+        if (abs(ratio) <= ZERO_ENERGY).any()
+        else basis[:, :0]
+    )
+
+
+def _floor(local: FloatArray) -> FloatArray:
+    """Keeps directions that no stiffness touches (their energy is zero as well) from making the ratio undefined."""
+    return np.asarray(1e-14 * max(float(np.trace(local)), np.finfo(float).tiny) * np.eye(local.shape[0]))
+
+
+def _lowest_energy(k: Any, m: Any) -> FloatArray:
+    """Zero-energy motions of a large model without geometry: computed modes whose force K x is pure cancellation."""
+    found = sparse_eigenpairs(k, m, np.zeros((k.shape[0], 0)), n_modes=12, max_omega2=None).vectors
+    cancelled = np.linalg.norm(k @ found, axis=0) / np.linalg.norm(abs(k) @ abs(found), axis=0)
+    return np.asarray(found[:, cancelled < 1e-12])
+
+
+def mac(a: npt.ArrayLike, b: npt.ArrayLike) -> FloatArray:
+    """Modal assurance criterion |a_i^T b_j|^2 / (a_i^T a_i b_j^T b_j), (n_a, n_b); shapes (n, n_a) and (n, n_b).
+
+    Raises InputError where the row counts differ. Source: Allemang and Brown 1982.
+    """
+    a, b = np.atleast_2d(np.asarray(a)), np.atleast_2d(np.asarray(b))
+    if a.shape[0] != b.shape[0]:
+        raise InputError(f"MAC: shapes have {a.shape[0]} and {b.shape[0]} rows; compare the same DOF in the same order")
+    cross = abs(a.conj().T @ b) ** 2
+    own = np.outer((abs(a) ** 2).sum(axis=0), (abs(b) ** 2).sum(axis=0))
+    return np.asarray(np.divide(cross, own, out=np.zeros(cross.shape), where=own > 0))
+
+
+def effective_mass(modes: Modes, model: Modal, motion: npt.ArrayLike) -> FloatArray:
+    """(k, r) modal effective mass (phi^T M R)^2 for rigid-body vectors R (n, r) in the model's coordinates."""
+    mass = model.uncoupled_mass if isinstance(model, System) else model.mass
+    motion = np.asarray(motion, dtype=float)
+    if motion.shape[:1] != (modes.shapes.shape[0],):
+        raise InputError(f"effective mass: R has {motion.shape[:1]} rows, the shapes have {modes.shapes.shape[0]}")
+    product = mass @ motion
+    return np.asarray((modes.shapes.T @ (dense(product) if is_sparse(product) else product)) ** 2)

@@ -1,0 +1,51 @@
+"""Ranks decided by scale: null spaces of symmetric positive semi-definite matrices."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.linalg as la
+
+from flexplant.model.arrays import FloatArray
+
+EPS = float(np.finfo(float).eps)
+
+
+@dataclass(frozen=True, eq=False)
+class Split:
+    """Range and null space of a symmetric matrix: columns of `span` and `null` together are a basis (n, n).
+
+    lowest: smallest eigenvalue of the matrix scaled to unit diagonal (negative where it is indefinite).
+    """
+
+    span: FloatArray
+    null: FloatArray
+    lowest: float
+
+
+def jacobi_scale(matrix: FloatArray) -> FloatArray:
+    """d = 1 / sqrt(|diagonal|), and 0 for rows that are negligible: D A D has unit diagonal, whatever the units."""
+    size = np.sqrt(abs(np.diagonal(matrix)))
+    tiny = size <= EPS * size.max(initial=0.0)
+    return np.divide(1.0, size, out=np.zeros_like(size), where=~tiny)
+
+
+def split_semidefinite(matrix: FloatArray, *, tolerance: float | None = None) -> Split:
+    """Split R^n into range and null space of a symmetric positive semi-definite (n, n) matrix.
+
+    Eigenvalues of D A D (unit diagonal) at or below `tolerance` (default 100 n eps) count as zero; coordinates whose row
+    vanishes are null exactly. Basis vectors come back in the original coordinates.
+    """
+    n = matrix.shape[0]
+    d = jacobi_scale(matrix)
+    live = np.flatnonzero(d)
+    dead = np.flatnonzero(d == 0)
+    values, vectors = (
+        la.eigh(d[live, None] * matrix[np.ix_(live, live)] * d[None, live]) if live.size else (np.zeros(0), np.zeros((0, 0)))
+    )
+    limit = 100 * n * EPS if tolerance is None else tolerance
+    zero = values <= limit
+    full = np.zeros((n, live.size))
+    full[live] = d[live, None] * vectors
+    return Split(full[:, ~zero], np.hstack([np.eye(n)[:, dead], full[:, zero]]), float(values.min(initial=0.0)))
