@@ -1,0 +1,308 @@
+"""What a study file may say: one frozen pydantic model a section; descriptions here become docs/study-file.md."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Literal
+
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationInfo, model_validator
+
+Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
+Finite = Annotated[float, Field(allow_inf_nan=False)]
+Vector = tuple[Finite, Finite, Finite]
+Rotation = tuple[Vector, Vector, Vector]
+NodeId = int
+Directions = Annotated[str, Field(pattern="^[0-6]+$")]
+DampingRatio = NotNegative | list[NotNegative] | list[tuple[NotNegative, NotNegative]]
+
+
+def _inside(text: str, info: ValidationInfo) -> str:
+    """The path as given, after checking that it exists and lies in the study's folder."""
+    context = info.context
+    if context is None:
+        return text
+    folder = Path(context["folder"]).resolve()
+    path = (folder / text).resolve()
+    if not context["allow_outside"] and not path.is_relative_to(folder):
+        raise ValueError(f"{text!r} lies outside the study's folder; move the file there or allow it with --allow-outside")
+    if not path.is_file():
+        raise ValueError(f"there is no file {text!r} in the study's folder {folder}")
+    return text
+
+
+StudyPath = Annotated[str, AfterValidator(_inside)]
+
+
+class _Section(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class PlacementSpec(_Section):
+    """Where a component stands in the system: x_system = rotation x_component + translation."""
+
+    rotation: Rotation = Field(
+        default=((1, 0, 0), (0, 1, 0), (0, 0, 1)),
+        description="three rows of a right-handed rotation matrix",
+    )
+    translation: Vector = Field(default=(0, 0, 0), description="metres")
+
+
+class UnitsSpec(_Section):
+    """A consistent unit system by its size; time is the second."""
+
+    length_m: Positive = Field(description="one unit of length in metres")
+    mass_kg: Positive = Field(description="one unit of mass in kilograms")
+
+
+class ComponentSpec(_Section):
+    """One component; its key is its name in connections and channel names."""
+
+    file: StudyPath = Field(description="model file, relative to the study's folder")
+    format: str | None = Field(default=None, description="format name; left out: decided by the file itself")
+    units: str | UnitsSpec | None = Field(
+        default=None,
+        description='units of the file: a preset name such as "SI" or "mm-tonne-s", or length_m and mass_kg',
+    )
+    damping: DampingRatio | None = Field(
+        None,
+        description="modal damping ratio of the component (equation 4): one value, one a mode, or rows [frequency_hz, ratio]",
+    )
+    placement: PlacementSpec | None = Field(default=None, description="rotation and translation; left out: as the file says")
+
+
+class ConnectionSpec(_Section):
+    """Two components joined node by node."""
+
+    a: str = Field(description="first component")
+    b: str = Field(description="second component")
+    nodes: list[NodeId] | None = Field(
+        default=None,
+        description='node ids that are the same on both sides; with "by position": nodes of a',
+    )
+    pairs: list[tuple[NodeId, NodeId]] | Literal["by position"] | None = Field(
+        default=None,
+        description='[node of a, node of b] rows, or "by position"',
+    )
+    directions: Directions = Field(default="123456", description="joined directions, digits 1-6")
+    tolerance_m: Positive | None = Field(default=None, description="largest distance of nodes matched by position, metres")
+    frame: Literal["a", "b", "system"] = Field(default="a", description="displacement frame of the directions")
+    offset: Literal["rigid", "ignore", "forbid"] = Field(
+        default="rigid",
+        description="for nodes that are apart: rigid (a rigid link), ignore, or forbid (an error)",
+    )
+    stiffness: list[NotNegative] | None = Field(
+        default=None,
+        description="compliant joint: N/m and N m/rad, one value a direction",
+    )
+    damping: list[NotNegative] | None = Field(
+        default=None,
+        description="compliant joint: N s/m and N m s/rad, one value a direction",
+    )
+    name: str | None = Field(default=None, description="name for interface forces")
+
+    @model_validator(mode="after")
+    def _one_way_of_pairing(self) -> ConnectionSpec:
+        if self.nodes is None and self.pairs is None:
+            raise ValueError("give nodes (same ids on both sides), or pairs")
+        if self.nodes is not None and isinstance(self.pairs, list):
+            raise ValueError("give either nodes or a list of pairs, not both")
+        return self
+
+
+class GroundSpec(_Section):
+    """Nodes of a component held fixed."""
+
+    component: str = Field(description="component name")
+    nodes: list[NodeId] = Field(min_length=1, description="node ids")
+    directions: Directions = Field(default="123456", description="held directions, digits 1-6")
+
+
+class DampingSpec(_Section):
+    """Modal damping of the coupled system."""
+
+    ratio: DampingRatio = Field(description="damping ratio: one value, or rows [frequency_hz, ratio]")
+    on: Literal["system", "components"] = Field(
+        default="system",
+        description="system: on the coupled modes; components: equation 4 on every component without damping of its own",
+    )
+
+
+class ReferenceSpec(_Section):
+    """Frequencies (and shapes) to compare the coupled modes with."""
+
+    file: StudyPath | None = Field(default=None, description=".npz with frequency_hz, or text with one frequency a line")
+    frequency_hz: list[Finite] | None = Field(
+        default=None,
+        description="reference frequencies instead of a file, rigid-body modes first",
+    )
+    name: str = Field(default="reference", description="what the reference is, for tables")
+    limit: Positive = Field(default=1e-3, description="largest accepted relative error of the compared frequencies")
+    modes: int = Field(default=4, ge=1, description="number of flexible modes held to the limit")
+    labels: list[str] = Field(default=[], description="names of the first flexible modes, for tables")
+    published_hz: list[Positive] = Field(
+        default=[],
+        description="published frequencies of the first flexible modes, for tables only",
+    )
+
+    @model_validator(mode="after")
+    def _one_source(self) -> ReferenceSpec:
+        if (self.file is None) == (self.frequency_hz is None):
+            raise ValueError("give either file or frequency_hz")
+        return self
+
+
+class VerificationSpec(_Section):
+    """Checks of the coupled model."""
+
+    rigid_body_modes: int = Field(default=6, ge=0, le=6, description="expected number of rigid-body modes")
+    reference: ReferenceSpec | None = Field(default=None, description="table against a reference")
+    max_frequency_hz: Positive | None = Field(
+        default=None,
+        description="coupled modes listed up to here; left out: the plant's limit",
+    )
+
+
+class PlantSpec(_Section):
+    """The modal plant."""
+
+    inputs: list[str] = Field(min_length=1, description="force inputs: component.node.directions")
+    outputs: list[str] = Field(
+        min_length=1,
+        description="outputs: component.node.directions (:v or :a for rates), or component.recovery.label",
+    )
+    max_frequency_hz: Positive | None = Field(default=None, description="modes above are truncated; left out: all modes kept")
+    static_correction: bool = Field(default=True, description="add the static response of the truncated modes")
+    off_diagonal_damping: Literal["keep", "drop"] = Field(
+        default="keep",
+        description="what to do with modal damping that couples modes",
+    )
+    drop_tolerance: Positive | None = Field(
+        default=None,
+        description="drop modes that matter less than this share of the largest; left out: drop none",
+    )
+
+
+class ResponseSpec(_Section):
+    """Frequencies of the transfer functions: a list, or a logarithmic range that is refined at every resonance."""
+
+    from_hz: Positive = Field(default=1.0, description="lowest frequency")
+    to_hz: Positive = Field(default=500.0, description="highest frequency")
+    points: int = Field(default=600, ge=2, le=200_000, description="number of frequencies in the range, resonances are added")
+    frequency_hz: list[Positive] | None = Field(default=None, description="exactly these frequencies instead of a range")
+
+    @model_validator(mode="after")
+    def _range(self) -> ResponseSpec:
+        if self.to_hz <= self.from_hz:
+            raise ValueError(f"to_hz ({self.to_hz:g}) must be larger than from_hz ({self.from_hz:g})")
+        return self
+
+
+class TruthSpec(_Section):
+    """An unreduced model of the whole, solved frequency by frequency beside the plant."""
+
+    file: StudyPath = Field(description="mass and stiffness of the whole model")
+    format: str | None = Field(default=None, description="format name; left out: decided by the file itself")
+    input: str = Field(description="plant input, component.node.direction; the whole model has the same node id")
+    output: str = Field(description="plant output, component.node.direction; the whole model has the same node id")
+    structural_damping: NotNegative = Field(
+        description="factor g of K (1 + i g), used on both sides of the comparison; 2 zeta gives the same resonance peaks",
+    )
+    frequency: ResponseSpec = Field(default=ResponseSpec(), description="where to compare")
+
+
+class WheelSpec(_Section):
+    """Harmonic reaction wheel (equation 34), the same amplitude for every component and harmonic."""
+
+    node: str = Field(description="component.node the wheel acts on; its six directions must be plant inputs")
+    amplitude: Positive = Field(description="N/Hz^2 for forces, N m/Hz^2 for moments")
+    harmonics: list[Positive] = Field(min_length=1, description="multiples of the wheel speed")
+    phases_deg: tuple[Finite, Finite, Finite, Finite, Finite, Finite] = Field(description="phase of Fx, Fy, Fz, Mx, My, Mz")
+    orientation: Rotation | None = Field(
+        default=None,
+        description="rows: wheel axes in the node's frame; left out: the same axes",
+    )
+    speeds_hz: list[Positive] = Field(min_length=1, description="wheel speeds of the time histories")
+
+
+class OpticsSpec(_Section):
+    """Thin lens and flat steering mirror (equations 28-32)."""
+
+    x: str = Field(description="plant output that moves the lens in x")
+    y: str = Field(description="plant output that moves the lens in y")
+    axial: str | None = Field(default=None, description="plant output along the optical axis, shown beside x and y")
+    focal_length_m: Positive = Field(description="metres")
+    mirror_omega_rad_s: Positive = Field(description="natural frequency of the steering mirror, rad/s")
+    mirror_zeta: NotNegative = Field(description="damping ratio of the steering mirror")
+
+
+class ControllerSpec(_Section):
+    """Proportional control of the mirror (equation 33), on the spot turned into mirror angle, r / (2 f)."""
+
+    proportional_gain: tuple[Positive, Positive] = Field(description="gain in x and y, V/rad")
+
+
+class TimeSpec(_Section):
+    """Time histories."""
+
+    duration_s: Positive = Field(description="seconds")
+    step_s: Positive = Field(description="seconds")
+
+    @model_validator(mode="after")
+    def _length(self) -> TimeSpec:
+        if not 2 <= self.duration_s / self.step_s <= 5_000_000:
+            raise ValueError(f"duration_s / step_s gives {self.duration_s / self.step_s:.3g} steps; 2 to 5 million are possible")
+        return self
+
+
+class SweepSpec(_Section):
+    """RMS of the spot over the wheel speed."""
+
+    from_hz: Positive = Field(description="lowest wheel speed")
+    to_hz: Positive = Field(description="highest wheel speed")
+    points: int = Field(default=400, ge=2, le=100_000, description="number of speeds")
+
+
+class LineOfSightSpec(_Section):
+    """The wheel shakes the lens, the mirror steers the spot back."""
+
+    wheel: WheelSpec
+    optics: OpticsSpec
+    controller: ControllerSpec
+    time: TimeSpec
+    sweep: SweepSpec | None = Field(default=None, description="RMS spot over wheel speed; left out: no sweep")
+    frequency: ResponseSpec = Field(
+        default=ResponseSpec(to_hz=2000.0),
+        description="frequencies of singular values and loop curves",
+    )
+
+
+class ReportSpec(_Section):
+    """What the report shows."""
+
+    mode_shapes: list[int] = Field(
+        default=[],
+        description="numbers of the animated modes, counted from 1 with the rigid-body modes",
+    )
+    display: str = Field(default="display", description="name of the recovery that moves the display nodes")
+
+
+class StudySpec(_Section):
+    """A study: components, how they are joined, what is asked of the coupled structure."""
+
+    title: str = Field(min_length=1, description="title of the report")
+    statement: str = Field(default="", description="what a reader must know about the models, shown at the top of the report")
+    components: dict[str, ComponentSpec] = Field(min_length=1, description="components by name")
+    connections: list[ConnectionSpec] = Field(default=[], description="joints between components")
+    ground: list[GroundSpec] = Field(default=[], description="nodes held fixed")
+    method: Literal["dual", "primal"] = Field(
+        default="dual",
+        description="dual: Lagrange multipliers (equations 5-11); primal: constraints eliminated",
+    )
+    damping: DampingSpec | None = Field(default=None, description="modal damping; left out: what the components bring")
+    verification: VerificationSpec = Field(default=VerificationSpec(), description="checks of the coupled model")
+    plant: PlantSpec = Field(description="the modal plant")
+    response: ResponseSpec = Field(default=ResponseSpec(), description="transfer functions of the plant")
+    truth: TruthSpec | None = Field(default=None, description="comparison with an unreduced model")
+    line_of_sight: LineOfSightSpec | None = Field(default=None, description="wheel, optics and controller")
+    report: ReportSpec = Field(default=ReportSpec(), description="what the report shows")
