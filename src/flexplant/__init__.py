@@ -1,1 +1,49 @@
-"""flexplant."""
+"""Flexible structural plants for control simulation.
+
+    read -> reduce -> couple -> verify -> plant -> respond / close the loop -> report / export
+
+Each step is one call on frozen values; see `docs/theory.md` for the equation behind each name. Names load on first use, so
+that `import flexplant` stays fast.
+"""
+
+from __future__ import annotations
+
+import importlib
+from typing import Any
+
+__version__ = "0.1.0"
+
+_HOME = {
+    "errors": ("FlexplantError", "InputError", "ModelError", "CouplingError", "ReadError", "SolverError"),
+    "model.component": ("Component", "FiniteElementModel"),
+    "model.damping": ("with_modal_damping",),
+    "model.dofs": ("DofSet",),
+    "model.geometry": ("Nodes", "Placement", "cylindrical_frame", "rigid_body_vectors"),
+    "model.recovery": ("Recovery",),
+    "model.units": ("UNIT_SYSTEMS", "UnitSystem", "component_to_si", "model_to_si"),
+    "reduction": ("craig_bampton", "guyan"),
+    "assembly": ("Connection", "System", "couple"),
+    "modes": ("Modes", "effective_mass", "mac", "normal_modes"),
+    "verification": ("Check", "CheckReport", "Reference", "check_component", "mass_properties", "verify"),
+    "plant": (),
+    "response": (),
+    "blocks": (),
+    "loop": (),
+    "io": (),
+    "study": (),
+}
+_WHERE = {name: module for module, names in _HOME.items() for name in names}
+
+__all__ = sorted([*_WHERE, "__version__"])  # noqa: PLE0605
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _WHERE:
+        raise AttributeError(f"module 'flexplant' has no attribute {name!r}")
+    value = getattr(importlib.import_module(f"flexplant.{_WHERE[name]}"), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return __all__

@@ -177,11 +177,8 @@ def _geometric_motions(problem: _Problem) -> FloatArray:
     energy = basis.T @ (k @ basis)
     local = basis.T @ (k.diagonal()[:, None] * basis)
     ratio, combination = la.eigh(energy, local + _floor(local))
-    return (
-        np.asarray(la.orth(basis @ combination[:, abs(ratio) <= ZERO_ENERGY]))
-        if (abs(ratio) <= ZERO_ENERGY).any()
-        else basis[:, :0]
-    )
+    rigid = abs(ratio) <= ZERO_ENERGY
+    return np.asarray(la.orth(basis @ combination[:, rigid])) if rigid.any() else basis[:, :0]
 
 
 def _floor(local: FloatArray) -> FloatArray:

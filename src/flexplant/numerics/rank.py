@@ -34,7 +34,7 @@ def jacobi_scale(matrix: FloatArray) -> FloatArray:
 def split_semidefinite(matrix: FloatArray, *, tolerance: float | None = None) -> Split:
     """Split R^n into range and null space of a symmetric positive semi-definite (n, n) matrix.
 
-    Eigenvalues of D A D (unit diagonal) at or below `tolerance` (default 100 n eps) count as zero; coordinates whose row
+    Eigenvalues of D A D (unit diagonal) at or below `tolerance` (default 10 n eps) count as zero; coordinates whose row
     vanishes are null exactly. Basis vectors come back in the original coordinates.
     """
     n = matrix.shape[0]
@@ -44,7 +44,7 @@ def split_semidefinite(matrix: FloatArray, *, tolerance: float | None = None) ->
     values, vectors = (
         la.eigh(d[live, None] * matrix[np.ix_(live, live)] * d[None, live]) if live.size else (np.zeros(0), np.zeros((0, 0)))
     )
-    limit = 100 * n * EPS if tolerance is None else tolerance
+    limit = 10 * n * EPS if tolerance is None else tolerance
     zero = values <= limit
     full = np.zeros((n, live.size))
     full[live] = d[live, None] * vectors

@@ -1,0 +1,187 @@
+"""`verify`: everything one checks before a coupled model goes into a control simulation."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+
+from flexplant.assembly import System, system_rigid_body
+from flexplant.errors import InputError
+from flexplant.model.arrays import dense
+from flexplant.model.component import Component
+from flexplant.modes import Modes, normal_modes
+from flexplant.numerics.rank import split_semidefinite
+from flexplant.verification.checks import Check, CheckReport, Table
+from flexplant.verification.comparison import compare_modes
+from flexplant.verification.free_free import ENERGY_LIMIT, free_free
+from flexplant.verification.mass import MassProperties, combined, mass_properties
+from flexplant.verification.rigid_body import DIRECTION_NAMES, blocked_directions, strain_energy
+
+DEFINITE_LIMIT = -1e-8  # smallest eigenvalue of a matrix scaled to unit diagonal; single-precision files reach about -1e-9
+DENSE_CHECK = 3000  # coordinates up to which definiteness is checked by all eigenvalues
+
+
+def verify(
+    system: System,
+    *,
+    rigid_body_modes: int = 6,
+    reference: Any = None,
+    frequency_tolerance: float = 1e-3,
+    mac_minimum: float = 0.9,
+    modes: Modes | None = None,
+) -> CheckReport:
+    """Check a coupled system: rigid-body modes, energy, definiteness, mass, compatibility, and a reference.
+
+    rigid_body_modes: expected number (0 for a clamped system). reference: frequencies in Hz, Modes or `Reference`, compared
+    within `frequency_tolerance` (relative) and `mac_minimum`. modes: spare a second solution where they are known.
+    Raises InputError for a negative count; a failed check is a value, see `CheckReport.raise_if_failed`.
+    """
+    if rigid_body_modes < 0:
+        raise InputError(f"rigid_body_modes must be 0 or more, got {rigid_body_modes}")
+    modes = modes or normal_modes(system, n_modes=None if system.n <= DENSE_CHECK else rigid_body_modes + 20)
+    checks: list[Check] = [_count(system, modes, rigid_body_modes), *_matrices(system)]
+    tables: list[Table] = []
+    notes = [f"redundant constraints left out: {', '.join(system.redundant[:12])}"] if system.redundant else []
+    if system.has_geometry:
+        checks += [*_energy(system), *_mass(system), *_compatibility(system)]
+        tables.append(_mass_table(system))
+    else:
+        unknown = [c.name for c in system.components if c.nodes is None]
+        notes.append(f"no node positions for {', '.join(unknown)}: rigid-body energy and mass properties are not checked")
+    notes += [
+        f"{r.connection.name}: nodes up to {r.gap:.4g} apart ({r.connection.offset})" for r in system.connections if r.gap > 0
+    ]
+    checks.append(_residual(modes))
+    if reference is not None:
+        comparison = compare_modes(system, modes, reference)
+        tables.append(comparison.table)
+        checks += _reference_checks(comparison, frequency_tolerance, mac_minimum)
+    return CheckReport(tuple(checks), tuple(tables), tuple(notes))
+
+
+def check_component(component: Component) -> CheckReport:
+    """The checks that one component allows by itself: energy, definiteness, mass properties, fixed-interface modes."""
+    checks = list(_definite(f"{component.name}: ", component.mass, component.stiffness, strict=False))
+    tables, notes = [], []
+    if component.nodes is not None:
+        checks.append(_energy_check(component))
+        properties = mass_properties(component)
+        checks.append(_isotropy(component.name, properties))
+        tables.append(Table("Mass properties", MASS_COLUMNS, (_mass_row(component.name, properties),)))
+    else:
+        notes.append("no node positions: rigid-body energy and mass properties are not checked")
+    return CheckReport(tuple(checks), tuple(tables), tuple(notes))
+
+
+def _count(system: System, modes: Modes, expected: int) -> Check:
+    result = free_free(system, modes, expected)
+    return Check("rigid-body modes", result.found, expected, result.found == expected, "", result.explanation)
+
+
+def _residual(modes: Modes) -> Check:
+    worst = float(modes.residuals.max(initial=0.0))
+    return Check("eigenvector residual", worst, 1e-6, worst <= 1e-6, "", "largest |K phi - w^2 M phi| / |diag(K) phi|")
+
+
+def _matrices(system: System) -> Iterator[Check]:
+    for name in ("mass", "stiffness", "damping"):
+        matrix = getattr(system, name)
+        size = float(abs(matrix).max()) if matrix.nnz else 0.0
+        worst = float(abs(matrix - matrix.T).max()) / size if size else 0.0
+        yield Check(f"symmetry of coupled {name}", worst, 1e-12, worst <= 1e-12, "", "largest |A - A^T| / largest |A|")
+    for component in {id(c.mass): c for c in system.components}.values():
+        yield from _definite(f"{component.name}: ", component.mass, component.stiffness, strict=False)
+    m = system.basis.T @ system.uncoupled_mass @ system.basis
+    k = system.basis.T @ system.uncoupled_stiffness @ system.basis
+    if m.shape[0] <= DENSE_CHECK:
+        yield from _definite("coupled: ", m, k, strict=True)
+
+
+def _definite(owner: str, mass: Any, stiffness: Any, *, strict: bool) -> Iterator[Check]:
+    """Positive semi-definiteness; a component's indefinite mass is reported but left to the coupled model."""
+    for name, matrix in (("mass", mass), ("stiffness", stiffness)):
+        lowest = split_semidefinite(dense(matrix)).lowest
+        decides = strict or name == "stiffness"
+        text = "smallest eigenvalue, scaled to a unit diagonal"
+        if not decides and lowest < DEFINITE_LIMIT:
+            text += "; allowed in a component, the coupled mass decides"
+        passed = lowest >= DEFINITE_LIMIT or not decides
+        yield Check(f"{owner}{name} positive semi-definite", lowest, DEFINITE_LIMIT, passed, "", text)
+
+
+def _energy_check(component: Component) -> Check:
+    strain = strain_energy(component)
+    value = float(strain.ratio.max())
+    text = f"strain energy of rigid motion / diagonal energy; {strain.explanation}"
+    return Check(f"{component.name}: rigid-body strain energy", value, ENERGY_LIMIT, value <= ENERGY_LIMIT, "", text)
+
+
+def _energy(system: System) -> Iterator[Check]:
+    for component in system.components:
+        yield _energy_check(component)
+
+
+def _isotropy(name: str, properties: MassProperties) -> Check:
+    value = properties.anisotropy
+    text = "difference between the masses seen in x, y and z: large where frames are wrong or the model is planar"
+    return Check(f"{name}: mass equal in all directions", value, 1e-6, value <= 1e-6, "", text)
+
+
+def _mass(system: System) -> Iterator[Check]:
+    whole = mass_properties(system)
+    parts = combined([(mass_properties(c), system.placement(c.name)) for c in system.components])
+    for component in system.components:
+        yield _isotropy(component.name, mass_properties(component))
+    size = max(np.sqrt(abs(np.trace(whole.inertia)) / whole.mass), 1e-300)
+    shift = float(np.linalg.norm(whole.center_of_gravity - parts.center_of_gravity) / size)
+    turn = float(abs(whole.inertia - parts.inertia).max() / max(abs(parts.inertia).max(), 1e-300))
+    text = "rigid-body mass of the coupled system against the sum of the placed components"
+    for name, value, unit in (
+        ("mass", abs(whole.mass / parts.mass - 1), ""),
+        ("centre of gravity", shift, "radii of gyration"),
+        ("inertia", turn, ""),
+    ):
+        yield Check(f"sum rule, {name}", value, 1e-6, value <= 1e-6, unit, text)
+
+
+def _compatibility(system: System) -> Iterator[Check]:
+    motion = system_rigid_body(system)
+    blocked = blocked_directions(system, motion)
+    for r in system.connections:
+        if r.connection.rigid and not any(row.ground for row in r.rows):
+            labels = {row.label for row in r.rows}
+            broken = [d for d, held in blocked.items() if labels & set(held)]
+            text = f"sides move apart in {', '.join(broken)}" if broken else "both sides move alike in rigid-body motion"
+            yield Check(f"{r.connection.name}: compatible sides", len(broken), 0, not broken, "directions", text)
+
+
+MASS_COLUMNS = ("part", "mass", "x", "y", "z", "Ixx", "Iyy", "Izz", "Ixy", "Iyz", "Izx")
+INERTIA_ENTRIES = ((0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (2, 0))
+
+
+def _mass_row(name: str, p: MassProperties) -> tuple[object, ...]:
+    return (name, p.mass, *p.center_of_gravity.tolist(), *(float(p.inertia[entry]) for entry in INERTIA_ENTRIES))
+
+
+def _mass_table(system: System) -> Table:
+    rows = [_mass_row(c.name, mass_properties(c)) for c in system.components]
+    rows.append(_mass_row("system", mass_properties(system)))
+    units = system.components[0].units
+    return Table(
+        f"Mass properties, {units} (components in their own frame; inertia about the centres)", MASS_COLUMNS, tuple(rows)
+    )
+
+
+def _reference_checks(comparison: Any, frequency_tolerance: float, mac_minimum: float) -> Iterator[Check]:
+    worst = float(abs(comparison.error_percent).max(initial=0.0))
+    limit = 100 * frequency_tolerance
+    yield Check("frequencies against the reference", worst, limit, worst <= limit, "%", "largest error of the elastic modes")
+    if comparison.mac is not None:
+        low = float(comparison.mac.min())
+        text = "lowest MAC of a mode, or of the subspaces of a cluster"
+        yield Check("shapes against the reference", low, mac_minimum, low >= mac_minimum, "MAC", text)
+
+
+__all__ = ["DIRECTION_NAMES", "check_component", "verify"]
