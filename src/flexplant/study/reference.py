@@ -109,4 +109,4 @@ def _type(field: Mapping[str, Any]) -> str:
         return "list of " + _type(field["items"]) if "items" in field else f"{len(field['prefixItems'])} values"
     if field.get("type") == "object":
         return "mapping of names to " + _type(field["additionalProperties"])
-    return {"string": "text", "boolean": "true or false", "integer": "whole number"}.get(field["type"], field["type"])
+    return {"string": "text", "boolean": "true or false", "integer": "whole number"}.get(field["type"], "number")
