@@ -71,8 +71,6 @@ def structural_response(plant: ModalPlant, frequency_hz: npt.ArrayLike, structur
     return _labelled(values, list(plant.outputs), list(plant.inputs), hz)
 
 
-def _labelled(
-    values: npt.NDArray[np.complex128], outputs: list[str], inputs: list[str], hz: npt.NDArray[np.float64]
-) -> xr.DataArray:
+def _labelled(values: npt.NDArray[np.complex128], outputs: list[str], inputs: list[str], hz: FloatArray) -> xr.DataArray:
     coords = {"output": outputs, "input": inputs, "frequency": hz}
     return xr.DataArray(values, dims=("output", "input", "frequency"), coords=coords, name="frequency_response")
