@@ -1,0 +1,122 @@
+"""Figures of motion: time histories, the path of the spot, RMS over wheel speed."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+import plotly.graph_objects as go
+import xarray as xr
+from numpy.typing import NDArray
+
+from flexplant.errors import InputError, nearest
+from flexplant.report.figures.theme import GREY, PALETTE, Axis, Mark, annotate, blank, line, plain, si_scale, thin_out
+
+FloatArray = NDArray[np.float64]
+
+
+def time_histories(
+    curves: Mapping[str, xr.DataArray],
+    *,
+    outputs: Sequence[str] | None = None,
+    title: str = "Line of sight at the sensor over time",
+    unit: str = "m",
+    labels: Mapping[str, str] | None = None,
+) -> go.Figure:
+    """One plot an output (x, y), one curve a case (open loop, closed loop), over time in seconds.
+
+    curves: label -> real (output, time); outputs: which to draw (default all of the first curve); labels: output -> axis text.
+    Values get an SI prefix that fits the largest. Raises InputError for an unknown output.
+    """
+    names = list(outputs) if outputs is not None else _outputs(next(iter(curves.values())))
+    picked = {label: _picked(data, names) for label, data in curves.items()}
+    scale, shown_unit = si_scale(picked, unit)
+    axes = [Axis(f"{plain((labels or {}).get(name, name))} ({shown_unit})") for name in names]
+    figure = blank(title, Axis("Time (s)"), axes, size=140 + 190 * len(names))
+    for number, (label, values) in enumerate(picked.items()):
+        seconds = np.asarray(curves[label]["time"].values, dtype=float)
+        for row, motion in enumerate(scale * values, start=1):
+            keep = thin_out(motion)
+            hover = f"%{{x:.5g}} s<br>%{{y:.4g}} {plain(shown_unit)}"
+            trace = line(seconds[keep], motion[keep], name=label, number=_colour(number), legend=row == 1, hover=hover, width=1.1)
+            figure.add_trace(trace, row=row, col=1)
+    return figure
+
+
+def spot(
+    curves: Mapping[str, xr.DataArray],
+    *,
+    x: str,
+    y: str,
+    title: str = "Spot motion on the sensor",
+    unit: str = "m",
+    pixel: float | None = None,
+) -> go.Figure:
+    """The path of the spot on the sensor, y over x at equal scales; `pixel` (same unit) draws one pixel for comparison.
+
+    curves: label -> real (output, time).
+    """
+    picked = {label: _picked(data, [x, y]) for label, data in curves.items()}
+    scale, shown = si_scale(picked, unit)
+    figure = blank(title, Axis(f"x ({shown})"), [Axis(f"y ({shown})")], size=520)
+    hover = f"x %{{x:.4g}} {plain(shown)}<br>y %{{y:.4g}} {plain(shown)}"
+    for number, (label, values) in enumerate(picked.items()):
+        keep = _even(values.shape[1])
+        path = scale * values[:, keep]
+        figure.add_trace(line(path[0], path[1], name=label, number=_colour(number), hover=hover, width=1.0), row=1, col=1)
+    if pixel is not None:
+        half = scale * pixel / 2
+        edge = np.array([-half, half, half, -half, -half])
+        figure.add_trace(
+            line(edge, np.roll(edge, 1), name=f"one pixel, {scale * pixel:g} {shown}", color=GREY, dash="dash"), row=1, col=1
+        )
+    figure.update_yaxes(scaleanchor="x", scaleratio=1)
+    return figure
+
+
+def rms_over_speed(
+    curves: Mapping[str, xr.DataArray],
+    *,
+    title: str = "RMS spot motion over wheel speed",
+    unit: str = "m",
+    speed_label: str = "Wheel speed (Hz)",
+    marks: Sequence[Mark] = (),
+) -> go.Figure:
+    """RMS over wheel speed, log y; curves: label -> real (speed,), whatever the name of its one dimension; marks: speeds to name."""
+    values = {label: np.asarray(data.values, dtype=float) for label, data in curves.items()}
+    scale, shown = si_scale(values, unit)
+    figure = blank(title, Axis(speed_label), [Axis(f"RMS ({shown})", "log")], size=440)
+    for number, (label, data) in enumerate(curves.items()):
+        if data.ndim != 1:
+            raise InputError(f"figure: curve {label!r} has dimensions {data.dims}; RMS over speed needs one, the speed")
+        speed = np.asarray(data[data.dims[0]].values, dtype=float)
+        rms = scale * values[label]
+        keep = thin_out(np.log(np.maximum(rms, np.finfo(float).tiny)))
+        hover = f"%{{x:.5g}}<br>%{{y:.4g}} {plain(shown)}"
+        figure.add_trace(line(speed[keep], rms[keep], name=label, number=_colour(number), hover=hover), row=1, col=1)
+    annotate(figure, marks, log_x=False)
+    return figure
+
+
+def _colour(number: int) -> int:
+    """Open loop in vermilion, closed loop in blue: the loud one first, the quiet one drawn over it."""
+    return (1, 0)[number] if number < 2 else number % len(PALETTE)
+
+
+def _outputs(data: xr.DataArray) -> list[str]:
+    return [str(name) for name in data["output"].values]
+
+
+def _picked(data: xr.DataArray, names: Sequence[str]) -> FloatArray:
+    """Real values (len(names), time) of the named outputs."""
+    known = _outputs(data)
+    for name in names:
+        if name not in known:
+            raise InputError(f"figure: no output {name!r}." + nearest(name, known))
+    rows = data.transpose("output", "time").values
+    return np.asarray(rows[[known.index(name) for name in names]], dtype=float)
+
+
+def _even(n: int, limit: int = 12000) -> FloatArray:
+    """Every k-th place: a path through the plane has no axis along which extremes could be kept."""
+    return np.arange(0, n, max(1, -(-n // limit)))

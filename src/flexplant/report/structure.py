@@ -1,0 +1,115 @@
+"""The structure in three dimensions: a light mesh and its mode shapes, for the animated view in the report."""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexplant.errors import InputError
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+
+@dataclass(frozen=True, eq=False)
+class DisplayMesh:
+    """Points (n, 3) in metres, faces (m, 4) and edges (k, 2) as places in `positions`; a triangle repeats its last corner.
+
+    Raises InputError for wrong shapes or corners that do not exist.
+    """
+
+    nodes: IntArray
+    positions: FloatArray
+    quads: IntArray
+    lines: IntArray
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "nodes", np.asarray(self.nodes, dtype=np.int64).ravel())
+        object.__setattr__(self, "positions", _finite(self.positions, "positions"))
+        object.__setattr__(self, "quads", np.asarray(self.quads, dtype=np.int64).reshape(-1, 4))
+        object.__setattr__(self, "lines", np.asarray(self.lines, dtype=np.int64).reshape(-1, 2))
+        n = len(self.positions)
+        if self.positions.shape != (n, 3) or n == 0 or self.nodes.shape != (n,):
+            raise InputError(
+                f"display mesh: {self.nodes.size} nodes with positions {self.positions.shape}; (n, 3) is needed, n > 0"
+            )
+        for what, corners in (("quads", self.quads), ("lines", self.lines)):
+            if corners.size and (corners.min() < 0 or corners.max() >= n):
+                raise InputError(f"display mesh: {what} name places {corners.min()} ... {corners.max()}, but there are {n} nodes")
+
+
+@dataclass(frozen=True, eq=False)
+class StructureView:
+    """A mesh with mode shapes to animate: shapes (n_modes, n, 3), frequency_hz (n_modes,), labels such as "X bending 1".
+
+    Each shape is drawn with its largest displacement at the same size, so its scale is free.
+    Raises InputError where the shapes do not fit.
+    """
+
+    mesh: DisplayMesh
+    shapes: FloatArray
+    frequency_hz: FloatArray
+    labels: Sequence[str] = ()
+    title: str = "Mode shapes"
+    caption: str = ""
+    first_mode: int = 0
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "shapes", _finite(self.shapes, "shapes"))
+        object.__setattr__(self, "frequency_hz", np.asarray(self.frequency_hz, dtype=float).ravel())
+        n_modes, n = self.frequency_hz.size, len(self.mesh.positions)
+        if self.shapes.shape != (n_modes, n, 3) or n_modes == 0:
+            raise InputError(
+                f"structure view: shapes {self.shapes.shape} do not fit {n_modes} frequencies and {n} nodes: (modes, nodes, 3)"
+            )
+        if self.labels and len(self.labels) != n_modes:
+            raise InputError(f"structure view: {len(self.labels)} labels for {n_modes} modes")
+        if not 0 <= self.first_mode < n_modes:
+            raise InputError(f"structure view: first mode {self.first_mode} of {n_modes}")
+
+    @property
+    def captions(self) -> list[str]:
+        """What the mode list shows: "X bending 1, 112.8 Hz"."""
+        names = self.labels or [f"Mode {i + 1}" for i in range(self.frequency_hz.size)]
+        return [f"{name} · {hz:.4g} Hz" for name, hz in zip(names, self.frequency_hz, strict=True)]
+
+    def payload(self) -> dict[str, object]:
+        """What the viewer in the page reads; arrays as base64 of little-endian float32 and uint32."""
+        largest = np.linalg.norm(self.shapes, axis=2).max(axis=1)
+        unit = self.shapes / np.where(largest > 0, largest, 1.0)[:, None, None]
+        return {
+            "positions": _packed(self.mesh.positions, "<f4"),
+            "quads": _packed(self.mesh.quads, "<u4"),
+            "lines": _packed(self.mesh.lines, "<u4"),
+            "shapes": _packed(unit, "<f4"),
+            "modes": self.captions,
+            "first": self.first_mode,
+        }
+
+
+def joined(meshes: Sequence[DisplayMesh]) -> DisplayMesh:
+    """Several meshes (components in place) as one, nodes in the given order; stack their shapes along the node axis to match."""
+    if not meshes:
+        raise InputError("display mesh: nothing to join")
+    starts = np.cumsum([0, *(len(m.positions) for m in meshes[:-1])])
+    return DisplayMesh(
+        nodes=np.concatenate([m.nodes for m in meshes]),
+        positions=np.vstack([m.positions for m in meshes]),
+        quads=np.vstack([m.quads + start for m, start in zip(meshes, starts, strict=True)]),
+        lines=np.vstack([m.lines + start for m, start in zip(meshes, starts, strict=True)]),
+    )
+
+
+def _finite(values: FloatArray, what: str) -> FloatArray:
+    array = np.asarray(values, dtype=float)
+    if not np.isfinite(array).all():
+        raise InputError(f"structure: {what} has entries that are not finite")
+    return array
+
+
+def _packed(array: NDArray[np.generic], dtype: str) -> str:
+    return base64.b64encode(np.ascontiguousarray(array, dtype=dtype).tobytes()).decode("ascii")
