@@ -1,0 +1,27 @@
+"""What a file format is to the registry: a name, a way to recognise it, and what it can read."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+
+@dataclass(frozen=True, kw_only=True)
+class Format:
+    """A readable format.
+
+    sniff(head, path): whether a file with these first bytes is of this format; must be quick and must not raise.
+    read_component(path, **options) -> Component, read_model -> FiniteElementModel, read_geometry and
+    read_display_mesh -> DisplayMesh; None where the format has none. A reader puts provenance into `source`, and the
+    unit system that the file itself states into source["units"]; the registry converts.
+    suffixes: tried in this order when a path without suffix is given. tested_against: for the table of formats.
+    """
+
+    name: str
+    description: str
+    sniff: Callable[[bytes, Path], bool]
+    suffixes: tuple[str, ...] = ()
+    tested_against: str = ""
+    readers: dict[str, Callable[..., Any]] = field(default_factory=dict)

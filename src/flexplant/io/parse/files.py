@@ -1,0 +1,73 @@
+"""Opening files that may be missing, empty or hostile; and where a model came from (provenance)."""
+
+from __future__ import annotations
+
+import hashlib
+from pathlib import Path
+from typing import Any
+
+from flexplant.errors import ReadError
+
+HEAD_BYTES = 4096  # what a format's sniff function sees
+
+
+def checked_file(path: str | Path) -> Path:
+    """The path of an existing, non-empty, readable file; ReadError otherwise."""
+    path = Path(path)
+    try:
+        if path.is_dir():
+            raise ReadError(path, "this is a folder; give a file in it")
+        if not path.exists():
+            raise ReadError(path, "no such file" + _beside(path))
+        if path.stat().st_size == 0:
+            raise ReadError(path, "the file is empty")
+    except (OSError, ValueError) as error:  # a name too long, a NUL in it, no permission
+        raise ReadError(path, f"cannot be opened ({error})") from None
+    return path
+
+
+def _beside(path: Path) -> str:
+    if not path.parent.is_dir():
+        return f"; the folder {path.parent} does not exist"
+    same = sorted(p.name for p in path.parent.iterdir() if p.stem == path.stem)[:8]
+    return f"; beside it: {', '.join(same)}" if same else ""
+
+
+def read_bytes(path: str | Path) -> bytes:
+    """The whole content of a checked file."""
+    path = checked_file(path)
+    try:
+        return path.read_bytes()
+    except OSError as error:
+        raise ReadError(path, f"cannot be read ({error.strerror})") from None
+
+
+def read_head(path: Path) -> bytes:
+    """The first bytes of a checked file, for recognising its format."""
+    try:
+        with path.open("rb") as stream:
+            return stream.read(HEAD_BYTES)
+    except OSError as error:
+        raise ReadError(path, f"cannot be read ({error.strerror})") from None
+
+
+def sha256(path: Path) -> str:
+    """Hexadecimal SHA-256 of a file's content."""
+    with path.open("rb") as stream:
+        return hashlib.file_digest(stream, "sha256").hexdigest()
+
+
+def sibling(path: Path, suffix: str) -> Path | None:
+    """The file beside `path` with the same stem and this suffix, in lower or upper case; None if there is none."""
+    for candidate in (path.with_suffix(suffix), path.with_suffix(suffix.upper())):
+        if candidate.is_file():
+            return candidate
+    return None
+
+
+def provenance(path: Path, format_name: str, reader: str, others: tuple[Path, ...] = ()) -> dict[str, Any]:
+    """Where a model came from: path as given, SHA-256, format, reader, and the same of files read beside it."""
+    out: dict[str, Any] = {"path": str(path), "sha256": sha256(path), "format": format_name, "reader": reader}
+    if others:
+        out["files"] = {str(other): sha256(other) for other in others}
+    return out

@@ -1,0 +1,145 @@
+"""The registry of file formats, and the readers users call.
+
+Every module of `flexplant.io.read` that defines `FORMAT` is a format; nothing else needs to be edited to add one.
+"""
+
+from __future__ import annotations
+
+import importlib
+import inspect
+import pkgutil
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import flexplant.io.read
+from flexplant.errors import InputError, ModelError, ReadError, nearest
+from flexplant.io.formats import Format
+from flexplant.io.parse.display import DisplayMesh
+from flexplant.io.parse.files import checked_file, read_head
+from flexplant.model.component import Component, FiniteElementModel
+from flexplant.model.damping import DampingRatio, with_modal_damping
+from flexplant.model.units import UnitSystem, component_to_si, model_to_si, unit_system
+
+Units = str | UnitSystem | tuple[float, float]
+
+
+@cache
+def formats() -> dict[str, Format]:
+    """All readable formats by name."""
+    package = flexplant.io.read
+    modules = [importlib.import_module(f"{package.__name__}.{m.name}") for m in pkgutil.iter_modules(package.__path__)]
+    found = [module.FORMAT for module in modules if hasattr(module, "FORMAT")]
+    return {f.name: f for f in sorted(found, key=lambda f: f.name)}
+
+
+def _resolved(path: str | Path) -> Path:
+    """The path; or, for a stem without suffix such as "outboard", the first file beside it that a format starts from."""
+    path = Path(path)
+    if path.name and not path.exists():
+        for suffix in dict.fromkeys(s for f in formats().values() for s in f.suffixes):
+            candidate = path.with_name(path.name + suffix)
+            if candidate.is_file():
+                return candidate
+    return checked_file(path)
+
+
+def recognise(path: str | Path, wanted: str | None = None, what: str = "read_component") -> tuple[Path, Format]:
+    """The file and its format, from the content if `wanted` is None; ReadError lists the formats that can do `what`."""
+    path = _resolved(path)
+    able = {name: f for name, f in formats().items() if what in f.readers}
+    if wanted is not None:
+        if wanted not in able:
+            raise ReadError(path, f"no format {wanted!r} for {what}." + nearest(wanted, able))
+        return path, able[wanted]
+    head = read_head(path)
+    matching = [f for f in able.values() if f.sniff(head, path)]
+    if len(matching) == 1:
+        return path, matching[0]
+    if matching:
+        names = ", ".join(f.name for f in matching)
+        raise ReadError(path, f"could be {names}; give format=")
+    others = [f.name for f in formats().values() if f.sniff(head, path)]
+    hint = f" (it is {others[0]}, which {what} cannot use)" if others else ""
+    raise ReadError(path, f"its format is not recognised{hint}; {what} knows: {', '.join(able)}")
+
+
+def _read(what: str, path: str | Path, wanted: str | None, options: dict[str, Any]) -> Any:
+    path, found = recognise(path, wanted, what)
+    reader = found.readers[what]
+    known = [p.name for p in inspect.signature(reader).parameters.values() if p.kind is p.KEYWORD_ONLY]
+    for option in options:
+        if option not in known:
+            raise InputError(f"format {found.name!r} has no option {option!r}." + nearest(option, known))
+    try:
+        return reader(path, **options)
+    except ModelError as error:
+        raise ReadError(path, str(error)) from None
+
+
+def _unit_choice(model: Any, path: str | Path, units: Units | None) -> tuple[Any, UnitSystem | None]:
+    """The unit system of the file: its own statement or the caller's, which must not contradict each other."""
+    stated = model.source.get("units")
+    try:
+        own = None if stated is None else unit_system(stated)
+    except InputError as error:
+        raise ReadError(path, str(error)) from None
+    asked = None if units is None else unit_system(units)
+    if own and asked and (own.length, own.mass) != (asked.length, asked.mass):
+        raise ReadError(path, f"the file says its units are {own.name!r}, the argument units says {asked.name!r}")
+    chosen = own or asked
+    label = chosen.name if chosen else "not stated: numbers as in the file"
+    return replace(model, source={**model.source, "units": label}), chosen
+
+
+def read_component(
+    path: str | Path,
+    *,
+    format: str | None = None,  # noqa: A002  the public name
+    name: str | None = None,
+    damping: DampingRatio | None = None,
+    units: Units | None = None,
+    **options: Any,
+) -> Component:
+    """A Hurty/Craig-Bampton component from a file.
+
+    format: a name of `formats()`; None recognises it from the content. name: instead of the file's stem.
+    damping: modal damping ratio, list or table (`with_modal_damping`), replacing what the file has; None keeps that.
+    units: the file's unit system (preset name, or (length in m, mass in kg)), converted to SI; None takes what the file
+    states, else leaves the numbers as they are. options: of the format, see its module. `source` tells where it came from.
+    Raises ReadError naming the file (record, byte) for anything missing, malformed or contradictory.
+    """
+    if name is not None:
+        options["name"] = name
+    component, chosen = _unit_choice(_read("read_component", path, format, options), path, units)
+    if chosen is not None:
+        component = component_to_si(component, chosen)
+    return component if damping is None else with_modal_damping(component, damping)
+
+
+def read_model(
+    path: str | Path,
+    *,
+    format: str | None = None,  # noqa: A002
+    name: str | None = None,
+    units: Units | None = None,
+    **options: Any,
+) -> FiniteElementModel:
+    """An unreduced finite-element model from a file; arguments and errors as `read_component`."""
+    if name is not None:
+        options["name"] = name
+    model, chosen = _unit_choice(_read("read_model", path, format, options), path, units)
+    return model if chosen is None else model_to_si(model, chosen)
+
+
+def read_geometry(path: str | Path, *, format: str | None = None, **options: Any) -> DisplayMesh:  # noqa: A002
+    """Grids and element outlines of a finite-element deck, for display; positions in the deck's length unit."""
+    mesh: DisplayMesh = _read("read_geometry", path, format, options)
+    return mesh
+
+
+def read_display_mesh(path: str | Path, *, format: str | None = None, **options: Any) -> DisplayMesh | None:  # noqa: A002
+    """The display mesh that comes with a component's file, in the component's own frame; None if it has none."""
+    mesh: DisplayMesh | None = _read("read_display_mesh", path, format, options)
+    return mesh
