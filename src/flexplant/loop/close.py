@@ -1,0 +1,66 @@
+"""Closing a diagram: all blocks and wires as one state space."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from flexplant.errors import DiagramError
+from flexplant.loop.diagram import Diagram, block_diagonal
+from flexplant.model.arrays import FloatArray
+from flexplant.plant.state_space import StateSpace, state_space
+
+
+def close(diagram: Diagram) -> StateSpace:
+    """The diagram as one state space from its external inputs w to its external outputs z.
+
+    Blocks stacked: x' = A x + B u, y = C x + D u, wires u = S y + E w, z = R y. With M = (I - S D)^-1:
+        x' = (A + B M S C) x + B M E w,   z = R (C + D M S C) x + R D M E w.
+    States are those of the blocks (as `state_space` gives them) in the order of `diagram.blocks`.
+    Raises DiagramError if an allowed algebraic loop is not well posed (I - S D singular).
+    """
+    systems = [state_space(block) for block in diagram.blocks.values()]
+    A, B, C, D = (block_diagonal([getattr(s, letter) for s in systems]) for letter in "ABCD")
+    wiring = diagram.wiring
+    u_of_x, u_of_w = _solve_inputs(diagram, C, D)
+    read = wiring.readout
+    return StateSpace(
+        A + B @ u_of_x,
+        B @ u_of_w,
+        C[read] + D[read] @ u_of_x,
+        D[read] @ u_of_w,
+        list(diagram.inputs),
+        list(diagram.outputs),
+        dt=diagram.dt,
+        name=diagram.name,
+        input_units=wiring.external_units,
+        output_units=[wiring.output_units[k] for k in read],
+    )
+
+
+def _solve_inputs(diagram: Diagram, C: FloatArray, D: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """u = u_of_x x + u_of_w w from (I - S D) u = S C x + E w."""
+    S, E = diagram.wiring.internal, diagram.wiring.entry
+    right: FloatArray = np.hstack([S @ C, E])
+    if diagram.allow_algebraic_loops:
+        right = np.asarray(np.linalg.solve(_well_posed(np.eye(S.shape[0]) - S @ D, diagram), right))
+    else:
+        # without algebraic loops S D is nilpotent, and the finite sum I + S D + (S D)^2 + ... is exact
+        right = _nilpotent_solve(S @ D, right)
+    return right[:, : C.shape[1]], right[:, C.shape[1] :]
+
+
+def _nilpotent_solve(N: FloatArray, right: FloatArray) -> FloatArray:
+    total, term = right, N @ right
+    while term.any():
+        total, term = total + term, N @ term
+    return total
+
+
+def _well_posed(matrix: FloatArray, diagram: Diagram) -> FloatArray:
+    singular = np.linalg.svd(matrix, compute_uv=False)
+    if singular.size and singular[-1] <= singular[0] * matrix.shape[0] * np.finfo(float).eps:
+        raise DiagramError(
+            f"diagram {diagram.name!r}: its algebraic loop is not well posed (I - S D is singular: a loop gain of exactly one); "
+            "change a gain in it or add a state"
+        )
+    return matrix

@@ -1,0 +1,104 @@
+"""Block diagrams: named plants and blocks, wired by named ports, checked before anything runs."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+import scipy.linalg
+
+from flexplant.errors import DiagramError
+from flexplant.loop.graph import algebraic_loops, block_stages
+from flexplant.loop.ports import LinearBlock
+from flexplant.loop.wiring import Wiring, wire
+from flexplant.model.arrays import FloatArray
+from flexplant.plant.modal import ModalPlant
+from flexplant.plant.state_space import StateSpace, output_rows
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Diagram:
+    """Blocks and the wires between them; every check runs here, so a `Diagram` that exists can run.
+
+    blocks: name -> StateSpace or ModalPlant. connections: ("block.output", "block.input") pairs.
+    inputs: external name -> the port, or ports, it drives. outputs: external name -> the port it reads.
+    allow_algebraic_loops: closed paths of direct feedthrough are an error unless True; they are then solved for, and must be
+    well posed (I - S D regular).
+
+    Raises DiagramError in one line that names the ports: an unknown name (with the nearest), an input driven twice or not
+    at all, units that clash (ports without a unit fit any), an algebraic loop, blocks of different sample times.
+    """
+
+    blocks: Mapping[str, LinearBlock]
+    connections: Sequence[tuple[str, str]] = ()
+    inputs: Mapping[str, str | Sequence[str]] = field(default_factory=dict)
+    outputs: Mapping[str, str] = field(default_factory=dict)
+    allow_algebraic_loops: bool = False
+    name: str = "diagram"
+    wiring: Wiring = field(init=False)
+
+    def __post_init__(self) -> None:
+        blocks = dict(self.blocks)
+        _check_blocks(blocks)
+        inputs = {name: (ports,) if isinstance(ports, str) else tuple(ports) for name, ports in self.inputs.items()}
+        object.__setattr__(self, "blocks", blocks)
+        object.__setattr__(self, "inputs", inputs)
+        object.__setattr__(self, "outputs", dict(self.outputs))
+        object.__setattr__(self, "connections", tuple((str(a), str(b)) for a, b in self.connections))
+        object.__setattr__(self, "wiring", wire(blocks, self.connections, inputs, self.outputs))
+        if not self.allow_algebraic_loops:
+            self._check_algebraic_loops()
+
+    def _check_algebraic_loops(self) -> None:
+        loops = algebraic_loops(self.wiring, self.feedthrough)
+        if loops:
+            paths = "; ".join(" -> ".join([*loop, loop[0]]) for loop in loops)
+            raise DiagramError(
+                f"algebraic loop: {paths}; add a state (a lag, a delay) in it, or set allow_algebraic_loops=True to solve it"
+            )
+
+    @property
+    def dt(self) -> float | None:
+        """Sample time of all blocks in seconds, or None in continuous time."""
+        return sample_time(next(iter(self.blocks.values())))
+
+    @cached_property
+    def feedthrough(self) -> FloatArray:
+        """(ny, nu) block-diagonal direct feedthrough of all blocks."""
+        return block_diagonal([_feedthrough(b) for b in self.blocks.values()])
+
+    @cached_property
+    def stages(self) -> list[list[str]]:
+        """Block names in the order signals flow; blocks in one feedback loop share a stage."""
+        names = list(self.blocks)
+        return [[names[k] for k in stage] for stage in block_stages(self.wiring, len(names))]
+
+
+def sample_time(block: LinearBlock) -> float | None:
+    """Seconds, or None for a block in continuous time."""
+    return block.dt if isinstance(block, StateSpace) else None
+
+
+def block_diagonal(matrices: Sequence[FloatArray]) -> FloatArray:
+    """Block-diagonal matrix that keeps the rows and columns of empty blocks."""
+    return np.asarray(scipy.linalg.block_diag(*matrices), dtype=float)
+
+
+def _feedthrough(block: LinearBlock) -> FloatArray:
+    return output_rows(block)[2] if isinstance(block, ModalPlant) else block.D
+
+
+def _check_blocks(blocks: Mapping[str, LinearBlock]) -> None:
+    if not blocks:
+        raise DiagramError("a diagram needs at least one block; give blocks={'name': block}")
+    for name, block in blocks.items():
+        if not name or "." in name:
+            raise DiagramError(f"block name {name!r}: use a non-empty text without dots, ports are written 'block.port'")
+        if not isinstance(block, StateSpace | ModalPlant):
+            raise DiagramError(f"block {name!r} is a {type(block).__name__}; use a StateSpace or a ModalPlant (see state_space)")
+    rates = {name: sample_time(b) for name, b in blocks.items()}
+    if len(set(rates.values())) > 1:
+        each = ", ".join(f"{name}: {'continuous' if dt is None else f'{dt} s'}" for name, dt in rates.items())
+        raise DiagramError(f"mixed sample times ({each}) are not supported yet; discretize all blocks at one dt, or none")

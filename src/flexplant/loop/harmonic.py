@@ -1,0 +1,75 @@
+"""Harmonic steady state under tones, and over wheel speeds: what a long simulation settles to, without simulating."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+import numpy.typing as npt
+import xarray as xr
+
+from flexplant.blocks.tones import Tones
+from flexplant.blocks.wheel import Wheel, harmonic_amplitudes
+from flexplant.errors import InputError, nearest
+from flexplant.loop.frequency import Linear, frequency_response
+from flexplant.loop.steady import input_amplitudes
+from flexplant.model.arrays import FloatArray
+
+
+def harmonic_response(system: Linear, tones: Tones) -> xr.DataArray:
+    """Complex output amplitudes, dims (output, frequency): y(t) = sum_k Re(Y_k exp(i 2 pi f_k t)), Y = G(i 2 pi f) a.
+
+    Inputs without a tone are zero. RMS of an output: sqrt(sum |Y_k|^2 / 2) (see `tones.rms`). InputError for an unknown input.
+    """
+    amplitude = input_amplitudes(tones, list(system.inputs))
+    G = frequency_response(system, tones.frequency_hz)
+    return xr.DataArray(
+        np.einsum("oif,if->of", G.values, amplitude),
+        dims=("output", "frequency"),
+        coords={"output": G["output"].values, "frequency": tones.frequency_hz},
+        name="harmonic_response",
+    )
+
+
+def wheel_speed_sweep(systems: Linear | Mapping[str, Linear], wheel: Wheel, omega_hz: npt.ArrayLike) -> xr.Dataset:
+    """Exact steady state at each wheel speed: `rms` (case, output, omega_hz), `amplitude` (case, output, harmonic, omega_hz).
+
+    systems: one system, or a mapping case -> system with the same outputs (say open and closed loop); without a mapping there is
+    no `case` dimension. wheel.inputs names the six inputs it drives. amplitude: complex; rms: sqrt(sum |amplitude|^2 / 2).
+    Raises InputError for speeds that are not finite and positive, cases whose outputs differ, or unknown inputs.
+    """
+    speeds = np.atleast_1d(np.asarray(omega_hz, dtype=float))
+    if speeds.ndim != 1 or not speeds.size or not (np.isfinite(speeds) & (speeds > 0)).all():
+        raise InputError("wheel_speed_sweep: omega_hz must be a list of finite positive speeds, Hz")
+    if not isinstance(systems, Mapping):
+        return _sweep(systems, wheel, speeds)
+    outputs = {case: list(system.outputs) for case, system in systems.items()}
+    if len({tuple(names) for names in outputs.values()}) != 1:
+        raise InputError(f"wheel_speed_sweep: the cases need the same outputs, got {outputs}")
+    swept: list[xr.Dataset] = [_sweep(system, wheel, speeds) for system in systems.values()]
+    joined: xr.Dataset = xr.concat(swept, dim="case", join="exact")
+    return joined.assign_coords(case=list(systems))
+
+
+def _sweep(system: Linear, wheel: Wheel, speeds: FloatArray) -> xr.Dataset:
+    harmonics, amplitudes = harmonic_amplitudes(wheel)
+    columns = _columns(list(system.inputs), wheel)
+    hz, index = np.unique(np.outer(harmonics, speeds), return_inverse=True)
+    G = frequency_response(system, hz).values[:, columns]
+    # one FRF for all harmonics and speeds, contracted with the wheel one harmonic at a time to keep the memory small
+    where = index.reshape(harmonics.size, speeds.size)
+    Y = np.stack([np.einsum("oif,i->of", G[:, :, f], a) for f, a in zip(where, amplitudes.T, strict=True)], axis=1) * speeds**2
+    return xr.Dataset(
+        {
+            "rms": (("output", "omega_hz"), np.sqrt((abs(Y) ** 2).sum(axis=1) / 2)),
+            "amplitude": (("output", "harmonic", "omega_hz"), Y),
+        },
+        coords={"output": list(system.outputs), "omega_hz": speeds, "harmonic": harmonics},
+    )
+
+
+def _columns(inputs: list[str], wheel: Wheel) -> list[int]:
+    for name in wheel.inputs:
+        if name not in inputs:
+            raise InputError(f"wheel: no input {name!r} in the system." + nearest(name, inputs))
+    return [inputs.index(name) for name in wheel.inputs]
