@@ -3,14 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
-from flexplant.errors import ModelError
+from flexplant.assembly import System
+from flexplant.errors import InputError, ModelError, nearest
 from flexplant.model.arrays import FloatArray
+from flexplant.model.damping import DampingRatio
+from flexplant.modes import Modes, normal_modes
+from flexplant.plant.channels import OutputRows, input_matrix, output_matrices
+from flexplant.plant.damping import ModalDamping, projected_damping, ratio_damping
 from flexplant.plant.fields import checked_dense, checked_names, checked_units, checked_vector
+from flexplant.plant.static_correction import residual_displacement
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -105,3 +111,109 @@ class ModalPlant:
         """(ny, nu) feedthrough + static_correction: the part of y proportional to u, beside that through eta''."""
         parts = [p for p in (self.feedthrough, self.static_correction) if p is not None]
         return np.sum(parts, axis=0) if parts else np.zeros((len(self.outputs), len(self.inputs)))
+
+
+def modal_plant(
+    system: System,
+    *,
+    inputs: Sequence[str],
+    outputs: Sequence[str],
+    max_frequency_hz: float | None = None,
+    n_modes: int | None = None,
+    damping_ratio: DampingRatio | None = None,
+    static_correction: bool = True,
+    off_diagonal_damping: str = "keep",
+    modes: Modes | None = None,
+    name: str = "plant",
+) -> ModalPlant:
+    """The coupled system in its mass-normalised modes, with named inputs and outputs (see `channels`).
+
+    max_frequency_hz, n_modes: which modes are kept, rigid-body modes counted; all finite modes where neither is given.
+    damping_ratio: one value, one a kept mode, or a table [(frequency_hz, ratio), ...]; None projects the system's own
+    damping, Phi^T Z Phi. off_diagonal_damping: "keep" or "drop" what couples modes; `report` states it either way.
+    static_correction: adds the residual flexibility of all truncated modes to displacement outputs and interface forces.
+    modes: those of an earlier normal_modes(system, ...), to save the solution.
+    Raises InputError for unknown names or choices, SolverError where modes or static correction cannot be computed.
+    """
+    if modes is None:
+        modes = normal_modes(system, max_frequency_hz=max_frequency_hz, n_modes=n_modes)
+    columns, rows = input_matrix(system, inputs), output_matrices(system, outputs)
+    shapes, omega = modes.shapes, modes.omega
+    if damping_ratio is None:
+        damping = projected_damping(system.uncoupled_damping, shapes, omega, off_diagonal_damping)
+    else:
+        damping = ratio_damping(damping_ratio, omega)
+    acceleration = None if rows.acceleration is None else rows.acceleration @ shapes
+    complete = omega.size == system.basis.shape[1]
+    correction = None if complete or not static_correction else _correction(system, columns.matrix, rows, modes)
+    return ModalPlant(
+        omega=omega,
+        zeta=damping.zeta,
+        damping=damping.matrix,
+        shape_in=(columns.matrix.T @ shapes).T,
+        shape_out=rows.displacement @ shapes,
+        shape_out_velocity=_velocity_rows(rows, shapes, omega, acceleration, damping),
+        shape_out_acceleration=acceleration,
+        static_correction=correction,
+        feedthrough=None if rows.force is None else (rows.force @ columns.matrix).toarray(),
+        inputs=columns.names,
+        outputs=rows.names,
+        input_units=columns.units,
+        output_units=rows.units,
+        name=name,
+        report={
+            "modes_kept": omega.size,
+            "coupled_coordinates": int(system.basis.shape[1]),
+            "highest_frequency_hz": float(modes.frequency_hz[-1]) if omega.size else 0.0,
+            "static_correction": correction is not None,
+            **damping.report,
+        },
+    )
+
+
+def _correction(system: System, forces: Any, rows: OutputRows, modes: Modes) -> FloatArray:
+    return np.asarray(rows.displacement @ residual_displacement(system, forces, modes.omega, modes.shapes))
+
+
+def _velocity_rows(
+    rows: OutputRows, shapes: FloatArray, omega: FloatArray, acceleration: FloatArray | None, damping: ModalDamping
+) -> FloatArray | None:
+    """Rows on eta'. Where modal damping replaces Z, an interface force takes M Phi Zm eta' in place of Z Phi eta'."""
+    velocity = None if rows.velocity is None else rows.velocity @ shapes
+    if not damping.replaced or acceleration is None or not rows.is_multiplier.any():
+        return velocity
+    modal = np.diag(2 * damping.zeta * omega) if damping.matrix is None else damping.matrix
+    velocity = np.zeros_like(acceleration) if velocity is None else velocity
+    return np.where(rows.is_multiplier[:, None], acceleration @ modal, velocity)
+
+
+def select(plant: ModalPlant, *, inputs: Sequence[str] | None = None, outputs: Sequence[str] | None = None) -> ModalPlant:
+    """The plant with only these inputs and outputs, in this order; InputError suggests the nearest names."""
+    columns = _positions(plant.inputs, inputs, f"modal plant {plant.name!r} has no input")
+    rows = _positions(plant.outputs, outputs, f"modal plant {plant.name!r} has no output")
+
+    def picked(matrix: FloatArray | None, both: bool) -> FloatArray | None:
+        return None if matrix is None else matrix[rows][:, columns] if both else matrix[rows]
+
+    return replace(
+        plant,
+        shape_in=plant.shape_in[:, columns],
+        shape_out=picked(plant.shape_out, False),
+        shape_out_velocity=picked(plant.shape_out_velocity, False),
+        shape_out_acceleration=picked(plant.shape_out_acceleration, False),
+        static_correction=picked(plant.static_correction, True),
+        feedthrough=picked(plant.feedthrough, True),
+        inputs=[plant.inputs[k] for k in columns],
+        outputs=[plant.outputs[k] for k in rows],
+        input_units=[plant.input_units[k] for k in columns],
+        output_units=[plant.output_units[k] for k in rows],
+    )
+
+
+def _positions(known: Sequence[str], wanted: Sequence[str] | None, what: str) -> list[int]:
+    if wanted is None:
+        return list(range(len(known)))
+    for name in wanted:
+        if name not in known:
+            raise InputError(f"{what} {name!r}." + nearest(name, known))
+    return [list(known).index(name) for name in wanted]

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 import scipy.sparse as sp
-from scipy.sparse.linalg import splu
 import xarray as xr
+from scipy.sparse.linalg import splu
 
 from flexplant.errors import InputError
 from flexplant.model.arrays import FloatArray, dense

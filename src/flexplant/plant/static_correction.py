@@ -1,0 +1,60 @@
+"""Residual flexibility: the static response of the modes that a modal plant leaves out."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sp
+from scipy.sparse.linalg import splu
+
+from flexplant.assembly import System
+from flexplant.errors import SolverError
+from flexplant.model.arrays import FloatArray, dense
+
+RESIDUAL = 1e-6  # relative, of the static solution; above it the stiffness has an undeclared singular direction
+
+
+def residual_displacement(system: System, forces: Any, omega: FloatArray, shapes: FloatArray) -> FloatArray:
+    """(n, nu) static displacement p of unit inputs through the truncated modes:  (K^+ - sum_kept phi phi^T / omega^2) F.
+
+    forces: F (n, nu). shapes: (n, k) kept modes in p, mass-normalised, rigid-body modes (omega = 0) all among them.
+    K^+ is the inertia-relief inverse: K x = F - M Phi_r Phi_r^T F with Phi_r^T M x = 0, from the sparse bordered system
+    [[K, M Phi_r], [Phi_r^T M, 0]]; it equals the sum of phi phi^T / omega^2 over all flexible modes, and includes the static
+    compliance of massless coordinates. Raises SolverError where the stiffness stays singular (a rigid-body mode is missing).
+    Source: Craig and Kurdila, Fundamentals of Structural Dynamics, chapter 11 (residual flexibility, inertia relief).
+    """
+    L, F = system.basis, dense(forces)
+    K = sp.csr_array(L.T @ system.uncoupled_stiffness @ L)
+    rigid, flexible = shapes[:, omega == 0], shapes[:, omega > 0]
+    border = L.T @ (system.uncoupled_mass @ rigid)
+    elastic = _inertia_relief(K, border, L.T @ F)
+    through_kept = flexible @ ((flexible.T @ F) / omega[omega > 0, None] ** 2)
+    return np.asarray(L @ elastic - through_kept)
+
+
+def _inertia_relief(K: sp.csr_array, border: FloatArray, load: FloatArray) -> FloatArray:
+    """x of [[K, b], [b^T, 0]] [x; mu] = [load; 0]; the stiffness and the border scaled to unit diagonal first."""
+    diagonal = abs(K.diagonal())
+    d = 1 / np.sqrt(np.where(diagonal > 0, diagonal, diagonal.max() if diagonal.size else 1.0))
+    scaled = sp.diags_array(d) @ K @ sp.diags_array(d)
+    size = np.linalg.norm(d[:, None] * border, axis=0)
+    b = d[:, None] * border / np.where(size > 0, size, 1.0)
+    bordered = sp.csc_array(sp.block_array([[scaled, sp.csr_array(b)], [sp.csr_array(b.T), None]])) if b.shape[1] else scaled
+    right = np.vstack([d[:, None] * load, np.zeros((b.shape[1], load.shape[1]))])
+    try:
+        factor = splu(sp.csc_array(bordered))
+    except RuntimeError:
+        raise SolverError(_SINGULAR) from None
+    x = factor.solve(right)
+    x += factor.solve(right - bordered @ x)
+    residual = np.linalg.norm(right - bordered @ x, axis=0)
+    if not (residual <= RESIDUAL * np.linalg.norm(right, axis=0)).all():
+        raise SolverError(_SINGULAR)
+    return np.asarray(d[:, None] * x[: d.size])
+
+
+_SINGULAR = (
+    "static correction: the coupled stiffness stays singular beyond its rigid-body modes; run verify(system) to see which "
+    "component floats, or pass static_correction=False"
+)
