@@ -19,18 +19,18 @@ def residual_displacement(system: System, forces: Any, omega: FloatArray, shapes
     """(n, nu) static displacement p of unit inputs through the truncated modes:  (K^+ - sum_kept phi phi^T / omega^2) F.
 
     forces: F (n, nu). shapes: (n, k) kept modes in p, mass-normalised, rigid-body modes (omega = 0) all among them.
-    K^+ is the inertia-relief inverse: K x = F - M Phi_r Phi_r^T F with Phi_r^T M x = 0, from the sparse bordered system
-    [[K, M Phi_r], [Phi_r^T M, 0]]; it equals the sum of phi phi^T / omega^2 over all flexible modes, and includes the static
-    compliance of massless coordinates. Raises SolverError where the stiffness stays singular (a rigid-body mode is missing).
+    K^+ is the inertia-relief inverse, from the sparse bordered system [[K, M Phi_r], [Phi_r^T M, 0]]. The kept modes are
+    taken out of the load, F - M Phi Phi^T F, and out of the answer, not subtracted as phi phi^T / omega^2, which would cancel
+    digits. Equal to the sum of phi phi^T / omega^2 over all truncated modes; includes the static compliance of massless
+    coordinates. Raises SolverError where the stiffness stays singular (a rigid-body mode is missing).
     Source: Craig and Kurdila, Fundamentals of Structural Dynamics, chapter 11 (residual flexibility, inertia relief).
     """
-    L, F = system.basis, dense(forces)
+    L = system.basis
     K = sp.csr_array(L.T @ system.uncoupled_stiffness @ L)
-    rigid, flexible = shapes[:, omega == 0], shapes[:, omega > 0]
-    border = L.T @ (system.uncoupled_mass @ rigid)
-    elastic = _inertia_relief(K, border, L.T @ F)
-    through_kept = flexible @ ((flexible.T @ F) / omega[omega > 0, None] ** 2)
-    return np.asarray(L @ elastic - through_kept)
+    momentum = system.uncoupled_mass @ shapes
+    load = L.T @ (dense(forces) - momentum @ (shapes.T @ dense(forces)))
+    p = L @ _inertia_relief(K, L.T @ momentum[:, omega == 0], load)
+    return np.asarray(p - shapes @ (momentum.T @ p))
 
 
 def _inertia_relief(K: sp.csr_array, border: FloatArray, load: FloatArray) -> FloatArray:

@@ -1,0 +1,118 @@
+"""Frequency response of state-space and descriptor plants."""
+
+from __future__ import annotations
+
+from typing import Any, TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+import scipy.linalg
+import scipy.sparse as sp
+from scipy.sparse.linalg import splu
+
+from flexplant.errors import InputError
+from flexplant.model.arrays import FloatArray, dense
+from flexplant.plant.state_space import Descriptor, StateSpace
+
+ComplexArray: TypeAlias = npt.NDArray[np.complex128]
+BLOCK = 256
+ROWS = 32  # rows of the triangular solution that are updated by one matrix product
+WELL_CONDITIONED = 1e4  # eigenvectors up to which pole-residue sums keep about twelve digits
+NEAR_POLE = 1e-14  # distance of an evaluation point from a pole, relative to the largest pole, that counts as on it
+
+
+def state_space_response(system: StateSpace, hz: FloatArray) -> ComplexArray:
+    """(ny, nu, nf): C (s I - A)^-1 B + D, s = 2 pi i f, or z = exp(2 pi i f dt) for a discrete plant."""
+    s = np.asarray(2j * np.pi * hz if system.dt is None else np.exp(2j * np.pi * hz * system.dt), dtype=np.complex128)
+    return evaluate(system, s) if system.n_states else np.repeat(system.D[:, :, None].astype(complex), hz.size, axis=2)
+
+
+def evaluate(system: StateSpace, s: ComplexArray) -> ComplexArray:
+    """The transfer function at complex points s (nf,): balanced, then poles and residues or a complex Schur form."""
+    A, (scale, _) = scipy.linalg.matrix_balance(system.A, permute=False, separate=True)
+    B, C = system.B / scale[:, None], system.C * scale[None, :]
+    poles, vectors = scipy.linalg.eig(A)
+    if np.linalg.cond(vectors) <= WELL_CONDITIONED:
+        T, left, right = np.diag(poles), np.linalg.solve(vectors, B.astype(complex)), C @ vectors
+        solved = _pole_residue
+    else:
+        T, unitary = scipy.linalg.schur(A, output="complex")
+        left, right = unitary.conj().T @ B, C @ unitary
+        solved = _triangular
+    _refuse_poles(system, np.diag(T), s)
+    out = np.empty((C.shape[0], B.shape[1], s.size), dtype=complex)
+    for start in range(0, s.size, BLOCK):
+        at = slice(start, start + BLOCK)
+        out[:, :, at] = solved(T, left, right, s[at]) + system.D[:, :, None]
+    return out
+
+
+def _refuse_poles(system: StateSpace, poles: ComplexArray, s: ComplexArray) -> None:
+    radius = NEAR_POLE * max(float(abs(poles).max()), 1e-300)
+    for pole in poles[(abs(poles.real) <= radius) if system.dt is None else abs(abs(poles) - 1) <= radius]:
+        if (abs(s - pole) <= radius).any():
+            where = (pole.imag if system.dt is None else np.angle(pole) / system.dt) / (2 * np.pi)
+            raise InputError(
+                f"state space {system.name!r} has an undamped pole at {abs(where):.9g} Hz, where its response is asked for; "
+                "leave this frequency out (0 Hz: an integrator or a rigid-body mode)"
+            )
+
+
+def _pole_residue(T: ComplexArray, left: ComplexArray, right: ComplexArray, s: ComplexArray) -> ComplexArray:
+    residues = (right[:, None, :] * left.T[None, :, :]).reshape(-1, T.shape[0])
+    out: ComplexArray = (residues @ (1 / (s - np.diag(T)[:, None]))).reshape(right.shape[0], left.shape[1], s.size)
+    return out
+
+
+def _triangular(T: ComplexArray, left: ComplexArray, right: ComplexArray, s: ComplexArray) -> ComplexArray:
+    """right (s I - T)^-1 left by back substitution for all s at once, ROWS rows between matrix products."""
+    n, nu = left.shape
+    x = np.repeat(left[:, :, None].astype(complex), s.size, axis=2).reshape(n, -1)
+    for stop in range(n, 0, -ROWS):
+        start = max(stop - ROWS, 0)
+        for i in range(stop - 1, start - 1, -1):
+            x[i] += T[i, i + 1 : stop] @ x[i + 1 : stop]
+            x[i] = (x[i].reshape(nu, -1) / (s - T[i, i])).ravel()
+        x[:start] += T[:start, start:stop] @ x[start:stop]
+    out: ComplexArray = (right @ x).reshape(right.shape[0], nu, s.size)
+    return out
+
+
+def descriptor_response(system: Descriptor, hz: FloatArray) -> ComplexArray:
+    """(ny, nu, nf): C (s E - A)^-1 B + D, one sparse LU a frequency, rows and columns scaled, one step of refinement."""
+    out = np.empty((len(system.outputs), len(system.inputs), hz.size), dtype=complex)
+    B = dense(system.B).astype(complex)
+    for k, s in enumerate(2j * np.pi * hz):
+        out[:, :, k] = system.C @ _solved(system, sp.csr_array(s * system.E - system.A), B, hz[k]) + system.D
+    return out
+
+
+def _solved(system: Descriptor, pencil: sp.csr_array, right: ComplexArray, hz: float) -> Any:
+    r, c = _scaling(pencil)
+    scaled = sp.csc_array(sp.diags_array(r) @ pencil @ sp.diags_array(c))
+    try:
+        factor = splu(scaled)
+    except RuntimeError:
+        raise InputError(
+            f"descriptor {system.name!r} is singular at {hz:.9g} Hz: an undamped pole (0 Hz: a rigid-body mode or a multiplier "
+            "state); leave this frequency out"
+        ) from None
+    b = r[:, None] * right
+    x = factor.solve(b)
+    x += factor.solve(b - scaled @ x)
+    return c[:, None] * x
+
+
+def _scaling(matrix: sp.csr_array) -> tuple[FloatArray, FloatArray]:
+    """Row and column factors that bring the largest entries near one (two sweeps)."""
+    size = abs(matrix)
+    r, c = np.ones(size.shape[0]), np.ones(size.shape[1])
+    for _ in range(2):
+        r /= np.sqrt(_largest(sp.diags_array(r) @ size @ sp.diags_array(c), 1))
+        c /= np.sqrt(_largest(sp.diags_array(r) @ size @ sp.diags_array(c), 0))
+    return r, c
+
+
+def _largest(matrix: Any, axis: int) -> FloatArray:
+    found = sp.csr_array(matrix).max(axis=axis).toarray().ravel()
+    return np.where(found > 0, found, 1.0)

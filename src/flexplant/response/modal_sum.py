@@ -1,0 +1,204 @@
+"""Frequency response of modal plants: residues times modal transfer functions, in blocks of frequencies."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+import scipy.linalg
+
+from flexplant.errors import InputError
+from flexplant.model.arrays import FloatArray
+from flexplant.plant.modal import ModalPlant
+
+ComplexArray: TypeAlias = npt.NDArray[np.complex128]
+BLOCK = 1024  # frequencies whose modal transfer functions stay in cache
+RIGID_ROUND_OFF = 1e-9  # rigid-body response relative to its terms, below which it is taken as cancelled at 0 Hz
+WELL_CONDITIONED = 1e5  # eigenvectors up to which pole-residue sums keep about eleven digits
+
+
+def modal_response(plant: ModalPlant, hz: FloatArray) -> ComplexArray:
+    """(ny, nu, nf) complex response of a checked plant at checked frequencies."""
+    omega = 2 * np.pi * hz
+    ny, nu = len(plant.outputs), len(plant.inputs)
+    out = np.zeros((ny, nu, hz.size), dtype=complex)
+    out += plant.direct[:, :, None]
+    if not plant.n_modes or not ny or not nu:
+        return out
+    if plant.damping is None:
+        flexible = _add_rigid(plant, omega, out)
+        _refuse_poles(plant, omega)
+        for rows, order, residues in _residues(plant, flexible):
+            _add_flexible(out, rows, order, residues, plant.omega[flexible], plant.zeta[flexible], omega)
+    else:
+        _add_fully_damped(plant, omega, out)
+    return out
+
+
+def _kinds(plant: ModalPlant) -> Iterator[tuple[npt.NDArray[np.int64], int, FloatArray]]:
+    """(rows, derivative order 0-2, shapes of those rows) of each kind of output that is used."""
+    for order, shapes in enumerate((plant.shape_out, plant.shape_out_velocity, plant.shape_out_acceleration)):
+        if shapes is not None and (rows := np.flatnonzero(shapes.any(axis=1))).size:
+            yield rows, order, shapes[rows]
+
+
+def _residues(plant: ModalPlant, which: npt.NDArray[np.bool_]) -> Iterator[tuple[npt.NDArray[np.int64], int, FloatArray]]:
+    """Each kind's residues c_i b_i^T of the selected modes, (rows * nu, modes)."""
+    for rows, order, shapes in _kinds(plant):
+        product = shapes[:, None, which] * plant.shape_in[which].T[None, :, :]
+        yield rows, order, product.reshape(-1, product.shape[2])
+
+
+def _add_flexible(
+    out: ComplexArray,
+    rows: npt.NDArray[np.int64],
+    order: int,
+    residues: FloatArray,
+    modal_omega: FloatArray,
+    zeta: FloatArray,
+    omega: FloatArray,
+) -> None:
+    """out[rows] += residues (i w)^order / (wn^2 - w^2 + 2 i zeta wn w), real and imaginary parts by two real products."""
+    shape = (rows.size, out.shape[1], -1)
+    for start in range(0, omega.size, BLOCK):
+        at = slice(start, start + BLOCK)
+        w = omega[at]
+        real = (modal_omega[:, None] - w) * (modal_omega[:, None] + w)
+        imaginary = np.multiply.outer(2 * zeta * modal_omega, w)
+        scale = 1 / (real * real + imaginary * imaginary)
+        real *= scale
+        imaginary *= -scale
+        h_real, h_imaginary = (residues @ real).reshape(shape), (residues @ imaginary).reshape(shape)
+        if order == 1:
+            h_real, h_imaginary = -w * h_imaginary, w * h_real
+        elif order == 2:
+            h_real, h_imaginary = -(w**2) * h_real, -(w**2) * h_imaginary
+        if rows.size == out.shape[0]:
+            out[:, :, at].real += h_real
+            out[:, :, at].imag += h_imaginary
+        else:
+            out[rows, :, at] += h_real + 1j * h_imaginary
+
+
+def _add_rigid(plant: ModalPlant, omega: FloatArray, out: ComplexArray) -> npt.NDArray[np.bool_]:
+    """Adds the rigid-body modes, residue * (i w)^order / (-w^2), exactly; returns which modes are left."""
+    rigid = np.asarray(plant.omega == 0)
+    flexible: npt.NDArray[np.bool_] = ~rigid
+    if flexible.all():
+        return flexible
+    at_zero = omega == 0
+    safe = np.where(at_zero, 1.0, omega)
+    for rows, order, shapes in _kinds(plant):
+        residue = shapes[:, rigid] @ plant.shape_in[rigid]
+        if order < 2 and at_zero.any():
+            _refuse_rigid_at_zero(plant, rows, shapes, residue)
+        factor = (-1 / safe**2 + 0j, -1j / safe, np.ones(omega.size, complex))[order]
+        out[rows] += residue[:, :, None] * (factor if order == 2 else np.where(at_zero, 0.0, factor))
+    return flexible
+
+
+def _refuse_rigid_at_zero(plant: ModalPlant, rows: npt.NDArray[np.int64], shapes: FloatArray, residue: FloatArray) -> None:
+    rigid = plant.omega == 0
+    terms = abs(shapes[:, rigid]) @ abs(plant.shape_in[rigid])
+    if not (abs(residue) > RIGID_ROUND_OFF * terms).any():
+        return
+    i, j = np.argwhere(abs(residue) > RIGID_ROUND_OFF * terms)[0]
+    parts = abs(shapes[i, rigid] * plant.shape_in[rigid, j])
+    mode = int(np.flatnonzero(rigid)[int(np.argmax(parts))])
+    raise InputError(
+        f"the response of {plant.outputs[rows[i]]!r} to {plant.inputs[j]!r} is infinite at 0 Hz: rigid-body mode {mode} "
+        "(counted from 0) is free; start above 0 Hz, or ask for accelerations"
+    )
+
+
+def _refuse_poles(plant: ModalPlant, omega: FloatArray) -> None:
+    """InputError for a frequency exactly on an undamped flexible mode."""
+    undamped = np.flatnonzero((plant.zeta == 0) & (plant.omega > 0))
+    at = plant.omega[undamped]
+    nearest_omega = np.sort(omega)[np.minimum(np.searchsorted(np.sort(omega), at * (1 - 4e-16)), omega.size - 1)]
+    hit = undamped[abs(nearest_omega - at) <= 4e-16 * at]
+    if hit.size:
+        raise InputError(
+            f"modal plant {plant.name!r}: {plant.omega[hit[0]] / (2 * np.pi):.9g} Hz lies exactly on mode {hit[0]} (counted from "
+            "0), which has no damping; give it a damping ratio or move the frequency"
+        )
+
+
+def _add_fully_damped(plant: ModalPlant, omega: FloatArray, out: ComplexArray) -> None:
+    """Modes coupled by damping: undamped rigid-body modes apart, the rest by poles and residues, or frequency by frequency."""
+    assert plant.damping is not None
+    free = (plant.omega == 0) & ~plant.damping.any(axis=1)
+    rest = ~free
+    if free.any():
+        _add_rigid(_part(plant, free), omega, out)
+    if not rest.any():
+        return
+    part = _part(plant, rest)
+    if (part.omega == 0).any() or not _add_pole_residue(part, omega, out):
+        _add_by_solution(part, omega, out)
+
+
+def _part(plant: ModalPlant, which: npt.NDArray[np.bool_]) -> ModalPlant:
+    """The selected modes alone, without direct terms."""
+
+    def columns(shapes: FloatArray | None) -> FloatArray | None:
+        return None if shapes is None else shapes[:, which]
+
+    return ModalPlant(
+        omega=plant.omega[which],
+        zeta=plant.zeta[which],
+        damping=None if plant.damping is None else plant.damping[np.ix_(which, which)],
+        shape_in=plant.shape_in[which],
+        shape_out=columns(plant.shape_out),
+        shape_out_velocity=columns(plant.shape_out_velocity),
+        shape_out_acceleration=columns(plant.shape_out_acceleration),
+        inputs=plant.inputs,
+        outputs=plant.outputs,
+        name=plant.name,
+    )
+
+
+def _add_pole_residue(plant: ModalPlant, omega: FloatArray, out: ComplexArray) -> bool:
+    """One complex eigen-decomposition in the states (wn eta, eta'); False where its vectors are badly conditioned.
+
+    eta = wn^-1 x1 and eta' = x2; acceleration rows use eta'' = i w eta'.
+    """
+    n, wn = plant.n_modes, plant.omega
+    A = np.block([[np.zeros((n, n)), np.diag(wn)], [-np.diag(wn), -plant.damping_matrix]])
+    poles, vectors = scipy.linalg.eig(A)
+    if np.linalg.cond(vectors) > WELL_CONDITIONED or not _clear_of(poles, omega):
+        return False
+    left = np.linalg.solve(vectors, np.vstack([np.zeros_like(plant.shape_in), plant.shape_in]).astype(complex))
+    for rows, order, shapes in _kinds(plant):
+        right = shapes @ (vectors[:n] / wn[:, None] if order == 0 else vectors[n:])
+        residues = (right[:, None, :] * left.T[None, :, :]).reshape(-1, 2 * n)
+        for start in range(0, omega.size, BLOCK):
+            at = slice(start, start + BLOCK)
+            s = 1j * omega[at]
+            block = (residues @ (1 / (s - poles[:, None]))).reshape(rows.size, -1, s.size)
+            out[rows, :, at] += block * s if order == 2 else block
+    return True
+
+
+def _clear_of(poles: ComplexArray, omega: FloatArray) -> bool:
+    """False where an evaluation point coincides with a pole to round-off; the direct solution then decides."""
+    near = poles[abs(poles.real) <= 1e-12 * abs(poles).max()]
+    return not any((abs(1j * omega - p) <= 1e-12 * abs(poles).max()).any() for p in near)
+
+
+def _add_by_solution(plant: ModalPlant, omega: FloatArray, out: ComplexArray) -> None:
+    """(wn^2 - w^2 + i w Z) eta = b, one factorisation a frequency."""
+    for k, w in enumerate(omega):
+        dynamic = np.diag((plant.omega - w) * (plant.omega + w)) + 1j * w * plant.damping_matrix
+        try:
+            eta = np.linalg.solve(dynamic, plant.shape_in.astype(complex))
+        except np.linalg.LinAlgError:
+            mode = int(np.argmin(abs(plant.omega - w)))
+            raise InputError(
+                f"modal plant {plant.name!r}: {w / (2 * np.pi):.9g} Hz lies on a pole without damping, near mode {mode} "
+                "(counted from 0); move the frequency"
+            ) from None
+        for rows, order, shapes in _kinds(plant):
+            out[rows, :, k] += (1j * w) ** order * (shapes @ eta)

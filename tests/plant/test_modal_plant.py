@@ -1,0 +1,217 @@
+"""Modal and descriptor plants of coupled systems against matrices assembled by hand."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from beam_systems import beam, one_beam_matrices, two_beams
+
+from flexplant.assembly import Connection, couple
+from flexplant.errors import InputError
+from flexplant.modes import normal_modes
+from flexplant.plant.descriptor import descriptor
+from flexplant.plant.modal import modal_plant, select
+from flexplant.plant.state_space import Descriptor
+from flexplant.response.frequency import frequency_response
+
+HZ = np.array([8.0, 13.0, 55.5, 171.0, 400.0, 2100.0])
+INPUTS = ["a.2.12", "b.14.3"]
+OUTPUTS = ["b.14.2", "b.14.3", "a.3.3:v", "b.12.5:a", "a.gauge.bend.z", "a.gauge.axial:v"]
+IN_COLUMNS = [6, 7, 44]
+
+
+def direct_answer(hz: np.ndarray) -> np.ndarray:
+    """(ny, nu, nf) by a dense solve with the hand-assembled matrices."""
+    K, M, Z = one_beam_matrices()
+    F = np.eye(48)[:, IN_COLUMNS]
+    gauge_z, gauge_x = np.eye(48)[8] - np.eye(48)[2], np.eye(48)[6] - np.eye(48)[0]
+    out = np.empty((6, 3, hz.size), dtype=complex)
+    for k, w in enumerate(2 * np.pi * hz):
+        u = np.linalg.solve(K + 1j * w * Z - w**2 * M, F)
+        rows = [u[43], u[44], 1j * w * u[14], -(w**2) * u[34], gauge_z @ u, 1j * w * gauge_x @ u]
+        out[:, :, k] = np.array(rows)
+    return out
+
+
+def relative(got, expected):
+    """Largest error of each output at each frequency, relative to its largest response there."""
+    expected = np.asarray(expected)
+    return (abs(np.asarray(got) - expected).max(axis=1) / abs(expected).max(axis=1)).max()
+
+
+@pytest.mark.parametrize("method", ["dual", "primal"])
+def test_descriptor_and_modal_plant_equal_the_hand_assembled_structure(method):
+    system = two_beams(method)
+    expected = direct_answer(HZ)
+    plant = descriptor(system, inputs=INPUTS, outputs=OUTPUTS)
+    assert relative(frequency_response(plant, HZ), expected) < 1e-9
+    modal = modal_plant(system, inputs=INPUTS, outputs=OUTPUTS)
+    assert modal.n_rigid == 6
+    assert modal.damping is not None
+    assert relative(frequency_response(modal, HZ), expected) < 1e-9
+
+
+def test_names_expand_and_keep_their_order_and_units():
+    plant = modal_plant(two_beams(), inputs=INPUTS, outputs=[*OUTPUTS[:4], "a.gauge", "b.13.46:a"])
+    assert plant.inputs == ("a.2.1", "a.2.2", "b.14.3")
+    assert plant.outputs[-3:] == ("a.gauge.axial", "b.13.4:a", "b.13.6:a")
+    assert plant.input_units == ("N", "N", "N")
+    assert plant.output_units == ("m", "m", "m/s", "rad/s^2", "m", "m", "rad/s^2", "rad/s^2")
+
+
+@pytest.mark.parametrize("method", ["dual", "primal"])
+@pytest.mark.parametrize("grounded", [False, True])
+def test_static_correction_equals_the_sum_over_all_truncated_modes(method, grounded):
+    system = two_beams(method, grounded=grounded)
+    modes = normal_modes(system)
+    kept = modal_plant(system, inputs=INPUTS, outputs=["b.14.2", "b.14.3", "a.gauge"], n_modes=14)
+    everything = modal_plant(system, inputs=INPUTS, outputs=["b.14.2", "b.14.3", "a.gauge"], modes=modes)
+    truncated = slice(14, None)
+    explicit = (everything.shape_out[:, truncated] / modes.omega[truncated] ** 2) @ everything.shape_in[truncated]
+    assert everything.static_correction is None
+    assert np.allclose(kept.static_correction, explicit, rtol=0, atol=1e-9 * abs(explicit).max())
+    assert kept.n_rigid == (0 if grounded else 6)
+
+
+def test_static_correction_restores_low_frequency_response_and_is_optional():
+    system = two_beams(damping=0.0)
+    hz = np.array([3.0, 30.0])
+    arguments = {"inputs": INPUTS, "outputs": ["b.14.3", "a.gauge.axial"], "damping_ratio": 0.005}
+    exact = frequency_response(modal_plant(system, **arguments), hz)
+    corrected = frequency_response(modal_plant(system, **arguments, max_frequency_hz=500.0), hz)
+    bare = frequency_response(modal_plant(system, **arguments, max_frequency_hz=500.0, static_correction=False), hz)
+    assert relative(corrected[1:], exact[1:]) < (30 / 500) ** 2
+    assert relative(bare[1:], exact[1:]) > 1e-1
+
+
+@pytest.mark.parametrize("grounded", [False, True])
+def test_interface_forces_are_the_dual_multipliers_in_every_form(grounded):
+    names = ["a-b.force.5.123", "a-b.force.5.5"]
+    hz = HZ
+    dual = two_beams("dual", grounded=grounded)
+    plant = descriptor(dual, inputs=INPUTS, outputs=["b.14.3"])
+    rows = [dual.constraint_labels.index(f"a-b.5.{d}") for d in (1, 2, 3, 5)]
+    lam = np.zeros((4, plant.n_states))
+    lam[np.arange(4), [dual.n + r for r in rows]] = 1.0
+    literal = Descriptor(plant.E, plant.A, plant.B, lam, np.zeros((4, 3)), plant.inputs, ("1", "2", "3", "5"))
+    expected = frequency_response(literal, hz)
+    for method in ("dual", "primal"):
+        system = two_beams(method, grounded=grounded)
+        recovered = frequency_response(descriptor(system, inputs=INPUTS, outputs=names), hz)
+        assert relative(recovered, expected) < 1e-9
+        modal = frequency_response(modal_plant(system, inputs=INPUTS, outputs=names), hz)
+        assert np.allclose(modal, expected, rtol=0, atol=1e-8 * float(abs(expected).max()))
+
+
+def test_interface_force_of_the_free_body_beyond_the_joint():
+    """Rigid body, low frequency: a pushes b with the force that accelerates b's share of the mass."""
+    system = two_beams(damping=0.0)
+    plant = modal_plant(
+        system, inputs=["a.1.1"], outputs=["a-b.force.5.1", "b.13.1:a"], damping_ratio=0.01, max_frequency_hz=700.0
+    )
+    force, acceleration = np.asarray(frequency_response(plant, [0.5]))[:, 0, 0]
+    assert force.real == pytest.approx(0.6 / 1.6, rel=1e-6)
+    assert acceleration.real == pytest.approx(1 / (2700 * 4e-4 * 1.6), rel=1e-6)
+    assert plant.output_units == ("N", "m/s^2")
+
+
+def test_compliant_interface_force_is_stiffness_times_gap():
+    parts = [beam("a", 0.0, 1.0, 2), beam("b", 1.0, 1.6, 2, first=11)]
+    system = couple(parts, [Connection("a", "b", pairs=[(3, 11)], stiffness=[1e6, 2e6, 3e6, 1e3, 1e3, 1e3], damping=5.0)])
+    names = ["a-b.force.3.2", "a.3.2", "b.11.2"]
+    plant = modal_plant(system, inputs=["b.13.2"], outputs=names)
+    force, left, right = np.asarray(frequency_response(plant, [20.0, 90.0]))[:, 0, :]
+    expected = (2e6 + 2j * np.pi * np.array([20.0, 90.0]) * 5.0) * (left - right)
+    assert np.allclose(force, expected, rtol=1e-8)
+
+
+def test_dropped_damping_is_reported_and_the_default_keeps_it():
+    system = two_beams()
+    kept = modal_plant(system, inputs=INPUTS, outputs=["b.14.3"], n_modes=12)
+    dropped = modal_plant(system, inputs=INPUTS, outputs=["b.14.3"], n_modes=12, off_diagonal_damping="drop")
+    Z = kept.damping
+    assert dropped.damping is None
+    assert np.allclose(np.diag(2 * dropped.zeta * dropped.omega), np.diag(np.diag(Z)))
+    found = dropped.report["off_diagonal_damping"]
+    i, j = found["modes"]
+    assert found["dropped"]
+    assert not kept.report["off_diagonal_damping"]["dropped"]
+    assert found["largest"] == pytest.approx(abs(Z[i, j]) / np.sqrt(Z[i, i] * Z[j, j]))
+    assert found["frequency_hz"] == pytest.approx(kept.frequency_hz[[i, j]])
+    flexible = Z[6:, 6:]
+    size = np.sqrt(np.diag(flexible))
+    assert found["largest"] == pytest.approx(np.max(abs(flexible / np.outer(size, size)) - np.eye(6)))
+
+
+def test_stiffness_proportional_damping_of_the_whole_is_diagonal():
+    system = couple([beam("a", 0.0, 1.0, 3, damping=1e-5)], [])
+    plant = modal_plant(system, inputs=["a.1.3"], outputs=["a.4.3"])
+    assert plant.damping is None
+    assert (plant.zeta[:6] == 0).all()
+    assert np.allclose(plant.zeta[6:], 1e-5 * plant.omega[6:] / 2, rtol=1e-6)
+
+
+def test_grounded_damper_damps_a_rigid_body_mode():
+    damper = Connection("a", "ground", pairs=[1], directions="3", damping=40.0)
+    system = couple([beam("a", 0.0, 1.0, 3)], [damper])
+    plant = modal_plant(system, inputs=["a.1.3"], outputs=["a.1.3"])
+    assert plant.n_rigid == 6
+    assert plant.damping is not None
+    direct = frequency_response(descriptor(system, inputs=["a.1.3"], outputs=["a.1.3"]), [0.3, 4.0])
+    assert relative(frequency_response(plant, [0.3, 4.0]), direct) < 1e-8
+
+
+def test_ratio_tables_follow_frequency():
+    system = two_beams(damping=0.0)
+    plant = modal_plant(system, inputs=INPUTS, outputs=["b.14.3"], n_modes=20, damping_ratio=[(100.0, 0.01), (1000.0, 0.03)])
+    assert np.allclose(plant.zeta, np.interp(plant.frequency_hz, [100, 1000], [0.01, 0.03]))
+    with pytest.raises(InputError, match="damping ratio"):
+        modal_plant(system, inputs=INPUTS, outputs=["b.14.3"], n_modes=20, damping_ratio=[0.1, 0.2, 0.3])
+
+
+def test_reciprocity_and_passivity_of_collocated_velocity():
+    system = two_beams()
+    plant = modal_plant(system, inputs=["a.1.3", "b.14.3"], outputs=["a.1.3:v", "b.14.3:v"], max_frequency_hz=3000.0)
+    G = frequency_response(plant, np.geomspace(1, 5000, 200)).values
+    assert np.allclose(G[0, 1], G[1, 0], rtol=1e-9)
+    hermitian = (G + G.conj().transpose(1, 0, 2)).transpose(2, 0, 1)
+    assert np.linalg.eigvalsh(hermitian).min() > -1e-12 * abs(G).max()
+
+
+def test_select_orders_channels_and_reports_unknown_ones():
+    plant = modal_plant(two_beams(), inputs=INPUTS, outputs=OUTPUTS, n_modes=15)
+    part = select(plant, inputs=["b.14.3", "a.2.2"], outputs=["a.3.3:v", "b.14.2"])
+    whole = frequency_response(plant, HZ)
+    assert part.output_units == ("m/s", "m")
+    picked = whole.sel(input=list(part.inputs), output=list(part.outputs))
+    assert relative(frequency_response(part, HZ), picked) < 1e-13
+    with pytest.raises(InputError, match=r"has no output 'a.3.3:w'.*'a.3.3:v'"):
+        select(plant, outputs=["a.3.3:w"])
+
+
+@pytest.mark.parametrize(
+    ("inputs", "outputs", "message"),
+    [
+        (["a.1.2", "bbus.1.1"], ["a.1.2"], r"no component 'bbus'"),
+        (["a.9.2"], ["a.1.2"], r"'a.9.2'.*no node 9.*Did you mean"),
+        (["a.1.7"], ["a.1.2"], r"directions must be distinct digits"),
+        (["a.1.x"], ["a.1.2"], r"is not 'component.node.direction'"),
+        (["a.1.2", "a.1.12"], ["a.1.2"], r"inputs listed twice: a.1.2"),
+        ("a.1.2", ["a.1.2"], r"must be a list of names"),
+        (["a.1.2"], ["a.gauge.bend.y"], r"no such row in recovery 'gauge'.*bend.z"),
+        (["a.1.2"], ["a.gage"], r"neither a DOF nor a recovery of component 'a'.*a.gauge"),
+        (["a.1.2"], ["a-c.force.5.1"], r"no connection 'a-c'.*'a-b'"),
+        (["a.1.2"], ["a-b.force.4.1"], r"no such row.*a-b.force.5.1"),
+        (["a.1.2"], ["a-b.force.5.1:v"], r"have no ':v'"),
+        (["a.1.2"], ["c.1.1"], r"no component or connection 'c'"),
+    ],
+)
+def test_unknown_names_are_answered_with_near_ones(inputs, outputs, message):
+    for build in (modal_plant, descriptor):
+        with pytest.raises(InputError, match=message):
+            build(two_beams(), inputs=inputs, outputs=outputs)
+
+
+def test_unknown_damping_choice():
+    with pytest.raises(InputError, match=r"off_diagonal_damping='dropp'.*drop"):
+        modal_plant(two_beams(), inputs=INPUTS, outputs=OUTPUTS, off_diagonal_damping="dropp")
