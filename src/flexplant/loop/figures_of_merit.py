@@ -65,8 +65,9 @@ def _channel(system: Linear, output: str, input_name: str) -> Callable[[FloatArr
 class LoopFigures:
     """One axis of the line-of-sight loop in numbers.
 
-    peak_hz, peak: largest closed-loop magnitude. bandwidth_hz: last closed-loop crossing of half power (-3 dB). rejection_hz: last frequency
-    up to which the output sensitivity stays below it. crossover_hz: |L| = 1. phase_margin_deg: 180 + phase of L there.
+    peak_hz, peak: largest closed-loop magnitude. bandwidth_hz: last crossing of half power (-3 dB) by the closed loop.
+    rejection_hz: first one by the output sensitivity, which stays below up to there. crossover_hz: |L| = 1.
+    phase_margin_deg: 180 + phase of L there, the smallest of several.
     """
 
     axis: str
