@@ -1,6 +1,31 @@
 """Reading and writing: the only place that knows a file format."""
 
+from typing import Any
+
+from flexplant.io.output import read_plant, write_component, write_model, write_plant, write_results, writers
 from flexplant.io.parse.display import DisplayMesh
 from flexplant.io.registry import formats, read_component, read_display_mesh, read_geometry, read_model
 
-__all__ = ["DisplayMesh", "formats", "read_component", "read_display_mesh", "read_geometry", "read_model"]
+__all__ = [
+    "DisplayMesh",
+    "formats",
+    "read_component",
+    "read_display_mesh",
+    "read_geometry",
+    "read_model",
+    "read_plant",
+    "read_results",
+    "write_component",
+    "write_model",
+    "write_plant",
+    "write_results",
+    "writers",
+]
+
+
+def __getattr__(name: str) -> Any:
+    if name == "read_results":  # needs xarray, which takes a while to import
+        from flexplant.io.parse.netcdf import read_results
+
+        return read_results
+    raise AttributeError(f"module 'flexplant.io' has no attribute {name!r}")

@@ -25,3 +25,16 @@ class Format:
     suffixes: tuple[str, ...] = ()
     tested_against: str = ""
     readers: dict[str, Callable[..., Any]] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Writer:
+    """A writable format: write_component, write_model, write_plant, write_results, each (value, path) -> None.
+
+    The path a writer gets is a temporary one; the registry puts the finished file in its place.
+    """
+
+    name: str
+    description: str
+    suffixes: tuple[str, ...]
+    writers: dict[str, Callable[[Any, Path], None]]

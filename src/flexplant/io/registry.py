@@ -34,21 +34,23 @@ def formats() -> dict[str, Format]:
     return {f.name: f for f in sorted(found, key=lambda f: f.name)}
 
 
-def _resolved(path: str | Path) -> Path:
-    """The path; or, for a stem without suffix such as "outboard", the first file beside it that a format starts from."""
+def _resolved(path: str | Path, able: list[Format]) -> Path:
+    """The path; or, for a stem without ending such as "outboard", the one file beside it with an ending of these formats."""
     path = Path(path)
     if path.name and not path.exists():
-        for suffix in dict.fromkeys(s for f in formats().values() for s in f.suffixes):
-            candidate = path.with_name(path.name + suffix)
-            if candidate.is_file():
-                return candidate
+        endings = dict.fromkeys(ending for f in able for ending in f.suffixes)
+        found = [p for p in (path.with_name(path.name + ending) for ending in endings) if p.is_file()]
+        if len(found) > 1:
+            raise ReadError(path, f"could be {', '.join(p.name for p in found)}; write the ending too")
+        if found:
+            return found[0]
     return checked_file(path)
 
 
 def recognise(path: str | Path, wanted: str | None = None, what: str = "read_component") -> tuple[Path, Format]:
     """The file and its format, from the content if `wanted` is None; ReadError lists the formats that can do `what`."""
-    path = _resolved(path)
     able = {name: f for name, f in formats().items() if what in f.readers}
+    path = _resolved(path, list(able.values()))
     if wanted is not None:
         if wanted not in able:
             raise ReadError(path, f"no format {wanted!r} for {what}." + nearest(wanted, able))
@@ -78,19 +80,33 @@ def _read(what: str, path: str | Path, wanted: str | None, options: dict[str, An
         raise ReadError(path, str(error)) from None
 
 
-def _unit_choice(model: Any, path: str | Path, units: Units | None) -> tuple[Any, UnitSystem | None]:
+def _unit_choice(stated: Any, asked: Units | None, path: str | Path) -> UnitSystem | None:
     """The unit system of the file: its own statement or the caller's, which must not contradict each other."""
-    stated = model.source.get("units")
     try:
-        own = None if stated is None else unit_system(stated)
-    except InputError as error:
-        raise ReadError(path, str(error)) from None
-    asked = None if units is None else unit_system(units)
-    if own and asked and (own.length, own.mass) != (asked.length, asked.mass):
-        raise ReadError(path, f"the file says its units are {own.name!r}, the argument units says {asked.name!r}")
-    chosen = own or asked
+        own = None if stated is None else unit_system(stated if isinstance(stated, str) else tuple(stated))
+    except (InputError, TypeError, ValueError) as error:
+        raise ReadError(path, f"units: {error}") from None
+    given = None if asked is None else unit_system(asked)
+    if own and given and (own.length, own.mass) != (given.length, given.mass):
+        raise ReadError(path, f"the file says its units are {own.name!r}, the argument units says {given.name!r}")
+    return own or given
+
+
+def _labelled(model: Any, chosen: UnitSystem | None) -> Any:
     label = chosen.name if chosen else "not stated: numbers as in the file"
-    return replace(model, source={**model.source, "units": label}), chosen
+    return replace(model, source={**model.source, "units": label})
+
+
+def _component_in_si(component: Component, units: UnitSystem) -> Component:
+    """Converted, the rows of the recovery "display" (translations) included."""
+    if (units.length, units.mass) == (1.0, 1.0):
+        return component
+    converted = component_to_si(component, units)
+    display = converted.recovery.get("display")
+    if display is None:
+        return converted
+    in_metres = replace(display, displacement=display.displacement * units.length, units="m")
+    return replace(converted, recovery={**converted.recovery, "display": in_metres})
 
 
 def read_component(
@@ -112,9 +128,10 @@ def read_component(
     """
     if name is not None:
         options["name"] = name
-    component, chosen = _unit_choice(_read("read_component", path, format, options), path, units)
-    if chosen is not None:
-        component = component_to_si(component, chosen)
+    component: Component = _read("read_component", path, format, options)
+    chosen = _unit_choice(component.source.get("units"), units, path)
+    component = _labelled(component, chosen)
+    component = component if chosen is None else _component_in_si(component, chosen)
     return component if damping is None else with_modal_damping(component, damping)
 
 
@@ -129,7 +146,9 @@ def read_model(
     """An unreduced finite-element model from a file; arguments and errors as `read_component`."""
     if name is not None:
         options["name"] = name
-    model, chosen = _unit_choice(_read("read_model", path, format, options), path, units)
+    model: FiniteElementModel = _read("read_model", path, format, options)
+    chosen = _unit_choice(model.source.get("units"), units, path)
+    model = _labelled(model, chosen)
     return model if chosen is None else model_to_si(model, chosen)
 
 
@@ -139,7 +158,17 @@ def read_geometry(path: str | Path, *, format: str | None = None, **options: Any
     return mesh
 
 
-def read_display_mesh(path: str | Path, *, format: str | None = None, **options: Any) -> DisplayMesh | None:  # noqa: A002
-    """The display mesh that comes with a component's file, in the component's own frame; None if it has none."""
-    mesh: DisplayMesh | None = _read("read_display_mesh", path, format, options)
-    return mesh
+def read_display_mesh(
+    path: str | Path,
+    *,
+    format: str | None = None,  # noqa: A002
+    units: Units | None = None,
+    **options: Any,
+) -> DisplayMesh | None:
+    """The display mesh that comes with a component's file, in the component's own frame; None if it has none.
+
+    units: as in `read_component`, so that mesh and component fit together.
+    """
+    mesh, stated = _read("read_display_mesh", path, format, options)
+    chosen = _unit_choice(stated, units, path)
+    return mesh if mesh is None or chosen is None else replace(mesh, positions=mesh.positions * chosen.length)

@@ -15,7 +15,7 @@ from flexplant.io.parse.files import read_bytes
 
 LONGEST_THRU = 10**6
 SHORT_EXPONENT = re.compile(r"(?<=[\d.])([+-]\d+)$")  # 1.5-3 means 1.5e-3
-NAME = re.compile(r"[A-Za-z][A-Za-z0-9]*\*?\s*$")
+INCLUDE = re.compile(r"\s*INCLUDE\s*[ '\"]\s*([^'\"]+?)\s*['\"]?\s*$", re.IGNORECASE)
 
 
 @dataclass(frozen=True)
@@ -87,7 +87,8 @@ def _cards(lines: list[str], begin: int, path: Path) -> Iterator[Card]:
         line = raw.split("$", 1)[0].rstrip().expandtabs(8)
         if not line.strip():
             continue
-        head, rest = _fields(line)
+        included = INCLUDE.match(line)
+        head, rest = ("INCLUDE", [included[1]]) if included else _fields(line)
         if not head or head[0] in "+*":
             fields += rest
             continue

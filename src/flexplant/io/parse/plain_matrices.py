@@ -14,7 +14,7 @@ from flexplant.io.parse.files import provenance
 from flexplant.io.parse.names import name_from
 from flexplant.io.parse.npz import read_npz
 from flexplant.io.parse.sidecar import Sidecar
-from flexplant.model.arrays import Matrix
+from flexplant.model.arrays import Matrix, is_sparse
 from flexplant.model.component import Component, FiniteElementModel
 from flexplant.model.recovery import Recovery
 
@@ -77,6 +77,8 @@ def _named(path: Path, matrices: Matrices, name: str, sidecar: Sidecar, *keys: s
 def _square(path: Path, matrices: Matrices, sidecar: Sidecar) -> dict[str, Matrix]:
     found = {kind: _named(path, matrices, name, sidecar, "matrices", kind) for kind, name in sidecar.matrices.items()}
     n = found["mass"].shape[0]
+    if all(is_sparse(m) for m in found.values()) and max(m.nnz for m in found.values()) < n // 2:
+        raise ReadError(path, f"claims {n} rows but holds numbers for fewer than half of them", record=sidecar.matrices["mass"])
     for kind, matrix in found.items():
         if matrix.ndim != 2 or matrix.shape != (n, n):
             raise ReadError(path, f"{kind} has shape {matrix.shape}, mass {found['mass'].shape}", record=sidecar.matrices[kind])
@@ -86,7 +88,7 @@ def _square(path: Path, matrices: Matrices, sidecar: Sidecar) -> dict[str, Matri
 def _recoveries(path: Path, matrices: Matrices, sidecar: Sidecar, n: int) -> list[Recovery]:
     out = [_recovery(path, matrices, sidecar, name) for name in sidecar.recovery]
     if sidecar.display is not None:
-        out.append(_display_recovery(sidecar.display, n))
+        out.append(_display_recovery(sidecar, sidecar.display, n))
     return out
 
 
@@ -109,17 +111,20 @@ def _display_arrays(path: Path) -> dict[str, Any]:
     return arrays
 
 
-def read_mesh(path: Path) -> DisplayMesh:
-    """The mesh of a display file."""
-    arrays = _display_arrays(path)
-    return DisplayMesh(**{k: arrays[k] for k in ("nodes", "positions", "quads", "lines")})
+def mesh_of(sidecar: Sidecar) -> tuple[DisplayMesh | None, Any]:
+    """The mesh of the sidecar's display file, None if it names none; and the units the sidecar states."""
+    if sidecar.display is None:
+        return None, None
+    arrays = _display_arrays(sidecar.display)
+    mesh = DisplayMesh(**{k: arrays[k] for k in ("nodes", "positions", "quads", "lines")})
+    return mesh, sidecar.units
 
 
-def _display_recovery(path: Path, n: int) -> Recovery:
+def _display_recovery(sidecar: Sidecar, path: Path, n: int) -> Recovery:
     """Translations of each display node: labels "node.1", "node.2", "node.3"."""
     arrays = _display_arrays(path)
     labels = [f"{int(node)}.{direction}" for node in np.ravel(arrays["nodes"]) for direction in (1, 2, 3)]
     shape = arrays["matrix"].shape if "matrix" in arrays else None
     if shape != (len(labels), n):
         raise ReadError(path, f"has shape {shape}; 3 rows a node and {n} columns are needed", record="matrix")
-    return Recovery(name="display", labels=labels, displacement=arrays["matrix"], units="m")
+    return Recovery(name="display", labels=labels, displacement=arrays["matrix"], units="m" if sidecar.units == "SI" else "")

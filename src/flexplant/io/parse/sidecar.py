@@ -57,6 +57,11 @@ class Sidecar:
         """The sidecar's own file."""
         return self.yaml.path
 
+    @property
+    def units(self) -> Any:
+        """The unit system it states: a preset's name, or (length in m, mass in kg); None if it states none."""
+        return self.yaml.data.get("units")
+
     def fail(self, problem: str, *keys: str) -> NoReturn:
         """Raise ReadError at the line of a key."""
         self.yaml.fail(problem, *keys)

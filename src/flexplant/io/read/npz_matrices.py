@@ -7,12 +7,13 @@ A matrix is an array of that name, or sparse as its CSR parts name.data, name.in
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 from flexplant.io.formats import Format
 from flexplant.io.parse.display import DisplayMesh
 from flexplant.io.parse.npz import MAX_BYTES, looks_like_npz, read_npz
 from flexplant.io.parse.npz_matrices import unpack_matrices
-from flexplant.io.parse.plain_matrices import component_of, model_of, read_mesh
+from flexplant.io.parse.plain_matrices import component_of, mesh_of, model_of
 from flexplant.io.parse.sidecar import find_sidecar, sidecar_path
 from flexplant.model.component import Component, FiniteElementModel
 
@@ -38,10 +39,9 @@ def read_model(
     return model_of(path, unpack_matrices(read_npz(path, max_bytes=max_bytes), path), described, name, FORMAT.name)
 
 
-def read_display_mesh(path: Path, *, sidecar: str | Path | None = None) -> DisplayMesh | None:
-    """The mesh that the sidecar names under `display`."""
-    display = find_sidecar(path, sidecar).display
-    return None if display is None else read_mesh(display)
+def read_display_mesh(path: Path, *, sidecar: str | Path | None = None) -> tuple[DisplayMesh | None, Any]:
+    """The mesh that the sidecar names under `display`, and the units it states."""
+    return mesh_of(find_sidecar(path, sidecar))
 
 
 FORMAT = Format(

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 from flexplant.io.formats import Format
 from flexplant.io.parse.display import DisplayMesh
 from flexplant.io.parse.files import sibling
 from flexplant.io.parse.op4 import looks_like_op4, read_op4
-from flexplant.io.parse.plain_matrices import component_of, model_of, read_mesh
+from flexplant.io.parse.plain_matrices import component_of, mesh_of, model_of
 from flexplant.io.parse.sidecar import find_sidecar, sidecar_path
 from flexplant.model.component import Component, FiniteElementModel
 
@@ -31,10 +32,9 @@ def read_model(path: Path, *, name: str | None = None, sidecar: str | Path | Non
     return model_of(path, read_op4(path), described, name, FORMAT.name)
 
 
-def read_display_mesh(path: Path, *, sidecar: str | Path | None = None) -> DisplayMesh | None:
-    """The mesh that the sidecar names under `display`."""
-    display = find_sidecar(path, sidecar).display
-    return None if display is None else read_mesh(display)
+def read_display_mesh(path: Path, *, sidecar: str | Path | None = None) -> tuple[DisplayMesh | None, Any]:
+    """The mesh that the sidecar names under `display`, and the units it states."""
+    return mesh_of(find_sidecar(path, sidecar))
 
 
 FORMAT = Format(

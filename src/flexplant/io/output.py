@@ -1,0 +1,75 @@
+"""The writers users call. Every module of `flexplant.io.write` that defines `WRITER` is a format.
+
+All of them write to a temporary name in the same folder first, so that a file is either whole or as it was.
+"""
+
+from __future__ import annotations
+
+import importlib
+import pkgutil
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import flexplant.io.write
+from flexplant.errors import InputError, ReadError
+from flexplant.io.formats import Writer
+from flexplant.io.parse.files import checked_file, read_head
+from flexplant.io.parse.h5 import SIGNATURE, read_h5
+from flexplant.io.parse.npz import looks_like_npz, read_npz
+from flexplant.io.parse.own_plant import Plant, unpack_plant
+from flexplant.io.write.atomic import replacing
+from flexplant.model.component import Component, FiniteElementModel
+
+
+@cache
+def writers() -> dict[str, Writer]:
+    """All writable formats by name."""
+    package = flexplant.io.write
+    modules = [importlib.import_module(f"{package.__name__}.{m.name}") for m in pkgutil.iter_modules(package.__path__)]
+    found = [module.WRITER for module in modules if hasattr(module, "WRITER")]
+    return {w.name: w for w in sorted(found, key=lambda w: w.name)}
+
+
+def _write(what: str, value: Any, path: str | Path) -> Path:
+    path = Path(path)
+    able = {suffix: w for w in writers().values() if what in w.writers for suffix in w.suffixes}
+    if path.suffix.lower() not in able:
+        raise InputError(f"{what}: {path.name!r} has none of the endings {', '.join(able)}, which choose the format")
+    with replacing(path) as work:
+        able[path.suffix.lower()].writers[what](value, work)
+    return path
+
+
+def write_component(component: Component, path: str | Path) -> Path:
+    """Write a component to `.npz` or `.h5` and return the path; `read_component` gives it back bit-equal.
+
+    Raises InputError for another ending, WriteError naming the folder that cannot be written.
+    """
+    return _write("write_component", component, path)
+
+
+def write_model(model: FiniteElementModel, path: str | Path) -> Path:
+    """Write a finite-element model to `.npz` or `.h5` and return the path; errors as `write_component`."""
+    return _write("write_model", model, path)
+
+
+def write_plant(plant: Plant, path: str | Path) -> Path:
+    """Write a plant to `.npz`, `.h5` (`read_plant` gives it back bit-equal) or `.mat`; errors as `write_component`."""
+    return _write("write_plant", plant, path)
+
+
+def write_results(results: Any, path: str | Path) -> Path:
+    """Write an xarray Dataset or DataArray to NetCDF-4 (`.nc`); complex `x` becomes `x__real`, `x__imag`."""
+    return _write("write_results", results, path)
+
+
+def read_plant(path: str | Path) -> Plant:
+    """A plant that `write_plant` wrote to `.npz` or `.h5`; ReadError for anything else."""
+    path = checked_file(path)
+    head = read_head(path)
+    if looks_like_npz(head):
+        return unpack_plant(read_npz(path), path)
+    if head.startswith(SIGNATURE):
+        return unpack_plant(read_h5(path), path)
+    raise ReadError(path, "is not a plant in flexplant's .npz or .h5")
