@@ -103,7 +103,7 @@ def _component_in_si(component: Component, units: UnitSystem) -> Component:
         return component
     converted = component_to_si(component, units)
     display = converted.recovery.get("display")
-    if display is None:
+    if display is None or display.displacement is None:
         return converted
     in_metres = replace(display, displacement=display.displacement * units.length, units="m")
     return replace(converted, recovery={**converted.recovery, "display": in_metres})
@@ -169,6 +169,7 @@ def read_display_mesh(
 
     units: as in `read_component`, so that mesh and component fit together.
     """
+    mesh: DisplayMesh | None
     mesh, stated = _read("read_display_mesh", path, format, options)
     chosen = _unit_choice(stated, units, path)
     return mesh if mesh is None or chosen is None else replace(mesh, positions=mesh.positions * chosen.length)

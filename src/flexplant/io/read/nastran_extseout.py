@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from flexplant.errors import ReadError
+from flexplant.errors import InputError, ReadError
 from flexplant.io.formats import Format
 from flexplant.io.parse.bulk import Card, read_cards
 from flexplant.io.parse.coordinates import Geometry
@@ -50,6 +50,8 @@ def read_component(path: Path, *, name: str | None = None, structural: str = "er
     Viscous damping becomes the component's damping. Reduced loads (PX) are not part of a component; source["unused"] names
     them with every other matrix that was left out.
     """
+    if structural not in ("error", "ignore"):
+        raise InputError(f"structural={structural!r}: use 'error' or 'ignore'")
     op4, asm, pch = _files(path)
     matrices = {k: m for k, m in read_op4(op4).items() if not _absent(m)}
     cards = [card for file in (pch, asm) if file for card in read_cards(file)]
