@@ -7,6 +7,8 @@ from numbers import Integral, Real
 
 import numpy as np
 
+from flexplant.verification.checks import Table
+
 DIGITS = 6
 
 
@@ -34,12 +36,18 @@ def _real_text(value: float, digits: int) -> str:
         text = f"{value:.{digits}g}"
         return f"{value:.0f}" if "e" in text else text
     mantissa, exponent = f"{value:.{min(digits, 4) - 1}e}".split("e")
-    return f"{mantissa}e{int(exponent)}"
+    return f"{mantissa.rstrip('0').rstrip('.')}e{int(exponent)}"
 
 
 def is_number(value: object) -> bool:
     """Whether the cell is set to the right, as numbers are."""
     return isinstance(value, Real) and not isinstance(value, bool | np.bool_)
+
+
+def number_columns(table: Table) -> list[bool]:
+    """Which columns hold numbers (and blanks), (n columns,)."""
+    columns = zip(*table.rows, strict=True) if table.rows else [()] * len(table.columns)
+    return [any(map(is_number, column)) and all(v is None or is_number(v) for v in column) for column in columns]
 
 
 def is_digest(value: object) -> bool:

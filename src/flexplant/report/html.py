@@ -6,6 +6,8 @@ import json
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from importlib.resources import files
+from pathlib import Path
 from typing import Any, Literal, TypeAlias
 
 import plotly.graph_objects as go
@@ -14,7 +16,8 @@ from markupsafe import Markup
 from plotly.offline import get_plotlyjs
 
 from flexplant.errors import InputError
-from flexplant.report.cells import is_digest, is_number, number_text
+from flexplant.io.write.atomic import replacing
+from flexplant.report.cells import is_digest, number_columns, number_text
 from flexplant.report.structure import StructureView
 from flexplant.verification.checks import CheckReport, Table
 
@@ -77,14 +80,23 @@ def render(report: Report) -> str:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    environment.filters.update(number_text=number_text, embedded=embedded_json)
-    environment.tests.update(numeric=is_number, digest=is_digest)
+    environment.filters.update(number_text=number_text, number_columns=number_columns, embedded=embedded_json)
+    environment.tests["digest"] = is_digest
     return environment.get_template("report.html.j2").render(
         report=report,
         sections=_anchored(report.sections),
-        style=_asset(environment, "report.css"),
-        scripts=[Markup(get_plotlyjs()), _asset(environment, "viewer.js"), _asset(environment, "report.js")],
+        style=_asset("report.css"),
+        scripts=[Markup(get_plotlyjs()), _asset("viewer.js"), _asset("report.js")],
     )
+
+
+def write_report(report: Report, path: str | Path) -> Path:
+    """Write the page as UTF-8, whole or not at all; returns the path. Raises WriteError where it cannot be written."""
+    page = render(report)
+    with replacing(path) as work:
+        # a file name may hold bytes that are no text; it must not cost the report
+        work.write_bytes(page.encode("utf-8", errors="replace"))
+    return Path(path)
 
 
 def embedded_json(value: object) -> Markup:
@@ -149,8 +161,6 @@ def _plot(plot: Plot) -> dict[str, object]:
     return {"json": plot.figure.to_json(), "height": int(height), "caption": plot.caption}
 
 
-def _asset(environment: Environment, name: str) -> Markup:
+def _asset(name: str) -> Markup:
     """A file of the page, put in as it stands: it is ours."""
-    loader = environment.loader
-    assert loader is not None  # given in `render`
-    return Markup(loader.get_source(environment, name)[0])
+    return Markup((files("flexplant.report") / "page" / name).read_text(encoding="utf-8"))

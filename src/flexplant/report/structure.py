@@ -46,6 +46,7 @@ class DisplayMesh:
 class StructureView:
     """A mesh with mode shapes to animate: shapes (n_modes, n, 3), frequency_hz (n_modes,), labels such as "X bending 1".
 
+    From a display matrix D (3n, coordinates; x, y, z of each node in turn): shapes = (D @ modes.shapes).T.reshape(-1, n, 3).
     Each shape is drawn with its largest displacement at the same size, so its scale is free.
     Raises InputError where the shapes do not fit.
     """

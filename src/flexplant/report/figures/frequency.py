@@ -49,7 +49,7 @@ def transfer_function(
     axes = [Axis(f"Magnitude ({unit})", "log", exponent=True), Axis("Phase (deg)")]
     if reference is not None:
         axes.append(Axis("Difference (%)", "log", exponent=True))
-    heights = (0.55, 0.2, 0.25) if reference is not None else (0.7, 0.3)
+    heights = (0.52, 0.22, 0.26) if reference is not None else (0.7, 0.3)
     figure = blank(title, HZ, axes, heights=heights, size=620 if reference is not None else 520)
     for number, (label, data) in enumerate(entries.items()):
         _magnitude_and_phase(figure, label, data, number, f"%{{x:.5g}} Hz<br>%{{y:.4g}} {plain(unit)}")
@@ -125,9 +125,9 @@ def singular_values(
         hz, rows = _frequency(data), _rows(data)
         keep = thin_out(np.log(np.maximum(rows, np.finfo(float).tiny)))
         for rank, row in enumerate(rows):
-            style = {"dash": "solid" if rank == 0 else "dot", "width": LINE_WIDTH if rank == 0 else 1.0}
+            dash, width = ("solid", LINE_WIDTH) if rank == 0 else ("dot", 1.0)
             hover = f"%{{x:.5g}} Hz<br>σ{rank + 1} = %{{y:.4g}} {plain(unit)}"
-            trace = line(hz[keep], row[keep], name=label, number=number, legend=rank == 0, hover=hover, **style)
+            trace = line(hz[keep], row[keep], name=label, number=number, legend=rank == 0, hover=hover, dash=dash, width=width)
             figure.add_trace(trace, row=1, col=1)
     annotate(figure, marks, log_y=True)
     return figure
@@ -185,10 +185,14 @@ def _magnitude_and_phase(figure: go.Figure, label: str, data: xr.DataArray, numb
     hz, values = _frequency(data), _complex(data)
     keep = thin_out(_db(values))
     # later curves are dotted over the first solid one, so that full agreement is still seen as two curves
-    style = {"dash": "solid" if number == 0 else "dot", "width": LINE_WIDTH if number == 0 else LINE_WIDTH + 0.8}
-    figure.add_trace(line(hz[keep], np.abs(values)[keep], name=label, number=number, hover=hover, **style), row=1, col=1)
+    dash, width = ("solid", LINE_WIDTH) if number == 0 else ("dot", LINE_WIDTH + 0.8)
+    figure.add_trace(
+        line(hz[keep], np.abs(values)[keep], name=label, number=number, hover=hover, dash=dash, width=width), row=1, col=1
+    )
     phase = _wrapped_degrees(values[keep])
-    figure.add_trace(line(hz[keep], phase, name=label, number=number, legend=False, hover=_DEGREE_HOVER, **style), row=2, col=1)
+    figure.add_trace(
+        line(hz[keep], phase, name=label, number=number, legend=False, hover=_DEGREE_HOVER, dash=dash, width=width), row=2, col=1
+    )
 
 
 def _differences(figure: go.Figure, entries: Mapping[str, xr.DataArray], reference: str) -> None:
@@ -219,7 +223,8 @@ def _phase_ticks(figure: go.Figure, row: int) -> None:
 def _level(figure: go.Figure, level_db: float | None) -> None:
     if level_db is not None:
         figure.add_hline(y=level_db, line={"color": GREY, "width": 1, "dash": "dash"}, row=1, col=1)
-        note = {"text": f"{level_db:g} dB", "font": {"size": 11}, "showarrow": False, "xanchor": "left", "yanchor": "bottom"}
+        text = f"{level_db:g} dB".replace("-", "−")
+        note = {"text": text, "font": {"size": 11}, "showarrow": False, "xanchor": "left", "yanchor": "top"}
         figure.add_annotation(x=0, xref="x domain", y=level_db, row=1, col=1, **note)
 
 

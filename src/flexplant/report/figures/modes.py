@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 import plotly.graph_objects as go
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from flexplant.errors import InputError
 from flexplant.report.figures.theme import ACCENT, GREY, HZ, PALETTE, Axis, Mark, annotate, blank, plain
+
+FloatArray = NDArray[np.float64]
 
 
 def mode_contributions(
@@ -23,38 +25,44 @@ def mode_contributions(
 ) -> go.Figure:
     """A stem at each mode's frequency, as high as its contribution (residue, peak gain), one colour an output.
 
-    frequency_hz: (n,), rigid-body modes (0 Hz) are left out; contributions: output -> (n,) not negative; names: what each mode is.
+    frequency_hz: (n,), rigid-body modes (0 Hz) are left out; contributions: output -> (n,) not negative; names: one a mode.
     marks: (Hz, value) of modes to point at, such as one that must be absent. Raises InputError where lengths differ.
     """
     hz = np.asarray(frequency_hz, dtype=float)
     texts = list(names) if names is not None else [f"mode {i + 1}" for i in range(hz.size)]
     figure = blank(title, HZ, [Axis(label, "log", exponent=True)], size=430)
-    for number, (name, given) in enumerate(contributions.items()):
-        values = np.asarray(given, dtype=float)
+    outputs = {name: np.asarray(given, dtype=float) for name, given in contributions.items()}
+    floor = _decade_below(hz, outputs.values())
+    for number, (name, values) in enumerate(outputs.items()):
         if values.shape != hz.shape or len(texts) != hz.size:
             raise InputError(f"figure: {values.shape} contributions of {name!r} and {len(texts)} names for {hz.size} modes")
-        _stems(figure, name, hz, values, texts, number)
+        shown = np.flatnonzero((hz > 0) & (values > 0))
+        stems = _stems(hz[shown] * (1 + 0.003 * number), values[shown], [texts[int(i)] for i in shown], floor)
+        for trace in stems:
+            trace.update(name=plain(name), legendgroup=plain(name))
+            trace.update(line_color=PALETTE[number % len(PALETTE)], marker_color=PALETTE[number % len(PALETTE)])
+        figure.add_traces(stems)
+    figure.update_xaxes(nticks=3)  # modes often span one decade, where more would crowd
     annotate(figure, marks, log_y=True)
     return figure
 
 
-def _stems(figure: go.Figure, name: str, hz: np.ndarray, values: np.ndarray, texts: Sequence[str], number: int) -> None:
-    """Stems from the floor of the log axis up to each value; one line with gaps is far lighter than many bars."""
-    shown = np.flatnonzero((hz > 0) & (values > 0))
-    if shown.size == 0:
-        return
-    x, y = hz[shown] * (1 + 0.003 * number), values[shown]  # outputs of one mode side by side
-    floor = 10.0 ** np.floor(np.log10(values[shown].min()))
+def _decade_below(hz: FloatArray, outputs: Iterable[FloatArray]) -> float:
+    """Where the stems start: the decade below the smallest contribution, or below 1 where there is none."""
+    smallest = min(
+        (values[(hz > 0) & (values > 0)].min(initial=1.0) for values in outputs if values.shape == hz.shape), default=1.0
+    )
+    return float(10.0 ** np.floor(np.log10(smallest)))
+
+
+def _stems(x: FloatArray, y: FloatArray, texts: Sequence[str], floor: float) -> list[go.Scatter]:
+    """Stems from the floor up to each value, and their heads; one line with gaps is far lighter than many bars."""
     stem_x = np.repeat(x, 3).astype(np.float32)
     stem_y = np.column_stack([np.full(x.size, floor), y, np.full(x.size, np.nan)]).ravel().astype(np.float32)
-    colour = PALETTE[number % len(PALETTE)]
-    stems = go.Scatter(
-        x=stem_x, y=stem_y, mode="lines", line={"color": colour, "width": 1.2}, legendgroup=plain(name), showlegend=False
-    )
-    stems.update(hoverinfo="skip")
-    heads = go.Scatter(x=x, y=y, mode="markers", name=plain(name), legendgroup=plain(name), marker={"color": colour, "size": 5})
-    heads.update(text=[plain(texts[i]) for i in shown], hovertemplate="%{text}<br>%{x:.5g} Hz<br>%{y:.3g}")
-    figure.add_traces([stems, heads])
+    stems = go.Scatter(x=stem_x, y=stem_y, mode="lines", line={"width": 1}, showlegend=False, hoverinfo="skip")
+    heads = go.Scatter(x=x.astype(np.float32), y=y.astype(np.float32), mode="markers", marker={"size": 4.5})
+    heads.update(text=[plain(text) for text in texts], hovertemplate="%{text}<br>%{x:.5g} Hz<br>%{y:.3g}")
+    return [stems, heads]
 
 
 def frequency_comparison(

@@ -5,11 +5,12 @@ from __future__ import annotations
 import html
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any, Literal
 
 import numpy as np
 import plotly.graph_objects as go
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 from plotly.subplots import make_subplots
 
 # Okabe and Ito's palette, told apart by people with any colour vision; its black and yellow vanish on dark or white paper.
@@ -25,7 +26,7 @@ AxisType = Literal["log", "linear"]
 
 @dataclass(frozen=True)
 class Mark:
-    """A point worth naming on a curve: (x, y) in the units of the drawn axes, and a short text; y None marks the whole vertical."""
+    """A point worth naming on a curve: (x, y) in the units of the drawn axes and a short text; y None marks the vertical."""
 
     x: float
     text: str
@@ -80,12 +81,21 @@ def blank(
     figure.update_xaxes(**line)
     figure.update_yaxes(**line)
     figure.update_xaxes(**{k: v for k, v in x.layout().items() if k != "title"})
+    if x.kind == "log":
+        figure.update_xaxes(nticks=4)  # few enough that plotly labels 1, 2, 5 of each decade, not all nine
     figure.update_xaxes(title=x.layout()["title"], row=len(rows))
     for number, axis in enumerate(rows, start=1):
         figure.update_yaxes(**axis.layout(), row=number)
     figure.update_layout(
         template=TEMPLATE,
-        title={"text": plain(title), "x": 0, "xref": "container", "xanchor": "left", "pad": {"l": 8}, "font": {"size": 15}},
+        title={
+            "text": f"<b>{plain(title)}</b>",
+            "x": 0,
+            "xref": "container",
+            "xanchor": "left",
+            "pad": {"l": 8},
+            "font": {"size": 15},
+        },
         legend={"orientation": "h", "yanchor": "bottom", "y": 1.01, "xanchor": "right", "x": 1, "itemwidth": 30},
         margin={"l": 70, "r": 20, "t": 66, "b": 52},
         height=size,
@@ -94,9 +104,21 @@ def blank(
     return figure
 
 
-def line(x: object, y: object, *, name: str, number: int = 0, legend: bool = True, hover: str = "", **style: Any) -> go.Scatter:
+def line(
+    x: ArrayLike,
+    y: ArrayLike,
+    *,
+    name: str,
+    number: int = 0,
+    legend: bool = True,
+    hover: str = "",
+    dash: str = "solid",
+    width: float = LINE_WIDTH,
+    color: str | None = None,
+) -> go.Scatter:
     """One thin curve in the `number`-th colour; numbers as float32 (7 digits) so that the page stays small."""
-    shape = {"color": PALETTE[number % len(PALETTE)], "width": LINE_WIDTH, **style}
+    # plotly's own simplification leaves visible corners; `thin_out` has made the curve short already
+    shape = {"color": color or PALETTE[number % len(PALETTE)], "width": width, "dash": dash, "simplify": False}
     return go.Scatter(
         x=np.asarray(x, dtype=np.float32),
         y=np.asarray(y, dtype=np.float32),
@@ -121,7 +143,7 @@ def thin_out(values: NDArray[np.float64], limit: int = POINTS_PER_CURVE) -> NDAr
     n_buckets = max(1, limit // (2 * rows.shape[0]))
     edges = np.linspace(0, n, n_buckets + 1).astype(np.intp)
     keep = {0, n - 1}
-    for start, stop in zip(edges[:-1], edges[1:], strict=True):
+    for start, stop in pairwise(edges):
         bucket = np.nan_to_num(rows[:, start:stop])
         keep.update((start + bucket.argmin(axis=1)).tolist(), (start + bucket.argmax(axis=1)).tolist())
     return np.array(sorted(keep), dtype=np.intp)

@@ -10,7 +10,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from flexplant.errors import InputError, nearest
-from flexplant.report.figures.theme import GREY, PALETTE, Axis, Mark, annotate, blank, line, plain, si_scale, thin_out
+from flexplant.report.figures.theme import DASHES, GREY, PALETTE, Axis, Mark, annotate, blank, line, plain, si_scale, thin_out
 
 FloatArray = NDArray[np.float64]
 
@@ -25,7 +25,8 @@ def time_histories(
 ) -> go.Figure:
     """One plot an output (x, y), one curve a case (open loop, closed loop), over time in seconds.
 
-    curves: label -> real (output, time); outputs: which to draw (default all of the first curve); labels: output -> axis text.
+    curves: label -> real (output, time), as in `simulate(...)["outputs"]`. outputs: which to draw, by default all of the
+    first curve; labels: output -> axis text.
     Values get an SI prefix that fits the largest. Raises InputError for an unknown output.
     """
     names = list(outputs) if outputs is not None else _outputs(next(iter(curves.values())))
@@ -68,9 +69,12 @@ def spot(
         half = scale * pixel / 2
         edge = np.array([-half, half, half, -half, -half])
         figure.add_trace(
-            line(edge, np.roll(edge, 1), name=f"one pixel, {scale * pixel:g} {shown}", color=GREY, dash="dash"), row=1, col=1
+            line(edge, np.roll(edge, 1), name=f"one pixel, {scale * pixel:g} {shown}", color=GREY, dash="dash", width=2),
+            row=1,
+            col=1,
         )
-    figure.update_yaxes(scaleanchor="x", scaleratio=1)
+    figure.update_xaxes(constrain="domain")
+    figure.update_yaxes(scaleanchor="x", scaleratio=1, constrain="domain")
     return figure
 
 
@@ -80,22 +84,42 @@ def rms_over_speed(
     title: str = "RMS spot motion over wheel speed",
     unit: str = "m",
     speed_label: str = "Wheel speed (Hz)",
+    labels: Mapping[str, str] | None = None,
     marks: Sequence[Mark] = (),
 ) -> go.Figure:
-    """RMS over wheel speed, log y; curves: label -> real (speed,), whatever the name of its one dimension; marks: speeds to name."""
-    values = {label: np.asarray(data.values, dtype=float) for label, data in curves.items()}
+    """RMS over wheel speed, log y; one colour a curve (open loop, closed loop), one dash an output.
+
+    curves: label -> real (speed,) or (output, speed), the speed under any name; labels: output -> text; marks: speeds to name.
+    Raises InputError for other dimensions.
+    """
+    values = {label: np.asarray(_speed_rows(label, data).values, dtype=float) for label, data in curves.items()}
     scale, shown = si_scale(values, unit)
     figure = blank(title, Axis(speed_label), [Axis(f"RMS ({shown})", "log")], size=440)
+    hover = f"%{{x:.5g}}<br>%{{y:.4g}} {plain(shown)}"
     for number, (label, data) in enumerate(curves.items()):
-        if data.ndim != 1:
-            raise InputError(f"figure: curve {label!r} has dimensions {data.dims}; RMS over speed needs one, the speed")
-        speed = np.asarray(data[data.dims[0]].values, dtype=float)
-        rms = scale * values[label]
-        keep = thin_out(np.log(np.maximum(rms, np.finfo(float).tiny)))
-        hover = f"%{{x:.5g}}<br>%{{y:.4g}} {plain(shown)}"
-        figure.add_trace(line(speed[keep], rms[keep], name=label, number=_colour(number), hover=hover), row=1, col=1)
+        rows = _speed_rows(label, data)
+        speed = np.asarray(rows[rows.dims[-1]].values, dtype=float)
+        for which, rms in enumerate(scale * values[label]):
+            keep = thin_out(np.log(np.maximum(rms, np.finfo(float).tiny)))
+            name = label if data.ndim == 1 else f"{label}, {_named(rows, which, labels or {})}"
+            dash = DASHES[which % len(DASHES)]
+            trace = line(speed[keep], rms[keep], name=name, number=_colour(number), hover=hover, dash=dash)
+            figure.add_trace(trace, row=1, col=1)
     annotate(figure, marks, log_x=False)
     return figure
+
+
+def _speed_rows(label: str, data: xr.DataArray) -> xr.DataArray:
+    """(output, speed), with one nameless output where there is none."""
+    rows = data if "output" in data.dims else data.expand_dims("output")
+    if rows.ndim != 2:
+        raise InputError(f"figure: curve {label!r} has dimensions {data.dims}; RMS over speed needs (speed,) or (output, speed)")
+    return rows.transpose("output", ...)
+
+
+def _named(rows: xr.DataArray, which: int, labels: Mapping[str, str]) -> str:
+    name = str(rows["output"].values[which])
+    return labels.get(name, name)
 
 
 def _colour(number: int) -> int:
@@ -117,6 +141,6 @@ def _picked(data: xr.DataArray, names: Sequence[str]) -> FloatArray:
     return np.asarray(rows[[known.index(name) for name in names]], dtype=float)
 
 
-def _even(n: int, limit: int = 12000) -> FloatArray:
+def _even(n: int, limit: int = 12000) -> NDArray[np.intp]:
     """Every k-th place: a path through the plane has no axis along which extremes could be kept."""
-    return np.arange(0, n, max(1, -(-n // limit)))
+    return np.arange(0, n, max(1, -(-n // limit)), dtype=np.intp)

@@ -35,11 +35,11 @@
   }
 
   const drawings = [...document.querySelectorAll(".drawing")];
-  const config = { responsive: true, displaylogo: false, modeBarButtonsToRemove: ["select2d", "lasso2d", "autoScale2d"] };
+  const config = { responsive: true, displaylogo: false, showSendToCloud: false, modeBarButtonsToRemove: ["select2d", "lasso2d", "autoScale2d"] };
   async function drawPlots() {
     for (const place of drawings) {
-      const figure = JSON.parse(place.firstElementChild.textContent);
       try {
+        const figure = JSON.parse(place.firstElementChild.textContent);
         await Plotly.newPlot(place, figure.data, put(figure.layout, colours(figure.layout)), config);
       } catch (error) {
         complain(`plot: ${error.message}`);

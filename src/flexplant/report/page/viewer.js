@@ -2,8 +2,8 @@
 // A small three-dimensional viewer on a 2-D canvas: about a thousand faces, sorted from back to front, need no WebGL.
 class StructureView {
   static VIEWS = { iso: [-0.62, 0.42], x: [Math.PI / 2, 0], y: [Math.PI, 0], z: [0, Math.PI / 2] };
-  // cividis: even steps in lightness, the same for every colour vision
-  static SCALE = ["#00224e", "#123570", "#3b496c", "#575d6d", "#707173", "#8a8678", "#a59c74", "#c3b369", "#e1cc55", "#fee838"];
+  // from grey (still) to dark red (moving most): lightness falls all the way, so every colour vision reads it
+  static SCALE = ["#d5dce4", "#e6d3b3", "#f1c27a", "#ee9f4a", "#dd7429", "#bd4a18", "#8c2a0f"];
 
   constructor(figure, css) {
     this.css = css;
