@@ -24,27 +24,37 @@ NEAR_POLE = 1e-14  # distance of an evaluation point from a pole, relative to th
 def state_space_response(system: StateSpace, hz: FloatArray) -> ComplexArray:
     """(ny, nu, nf): C (s I - A)^-1 B + D, s = 2 pi i f, or z = exp(2 pi i f dt) for a discrete plant."""
     s = np.asarray(2j * np.pi * hz if system.dt is None else np.exp(2j * np.pi * hz * system.dt), dtype=np.complex128)
-    return evaluate(system, s) if system.n_states else np.repeat(system.D[:, :, None].astype(complex), hz.size, axis=2)
+    return TransferFunction(system)(s)
 
 
-def evaluate(system: StateSpace, s: ComplexArray) -> ComplexArray:
-    """The transfer function at complex points s (nf,): balanced, then poles and residues or a complex Schur form."""
-    A, (scale, _) = scipy.linalg.matrix_balance(system.A, permute=False, separate=True)
-    B, C = system.B / scale[:, None], system.C * scale[None, :]
-    poles, vectors = scipy.linalg.eig(A)
-    if np.linalg.cond(vectors) <= WELL_CONDITIONED:
-        T, left, right = np.diag(poles), np.linalg.solve(vectors, B.astype(complex)), C @ vectors
-        solved = _pole_residue
-    else:
-        T, unitary = scipy.linalg.schur(A, output="complex")
-        left, right = unitary.conj().T @ B, C @ unitary
-        solved = _triangular
-    _refuse_poles(system, np.diag(T), s)
-    out = np.empty((C.shape[0], B.shape[1], s.size), dtype=complex)
-    for start in range(0, s.size, BLOCK):
-        at = slice(start, start + BLOCK)
-        out[:, :, at] = solved(T, left, right, s[at]) + system.D[:, :, None]
-    return out
+class TransferFunction:
+    """s -> C (s I - A)^-1 B + D with A decomposed once: balanced, then poles and residues or a complex Schur form."""
+
+    def __init__(self, system: StateSpace) -> None:
+        self.system = system
+        self.poles = np.zeros(0, dtype=complex)
+        if not system.n_states:
+            return
+        A, (scale, _) = scipy.linalg.matrix_balance(system.A, permute=False, separate=True)
+        B, C = system.B / scale[:, None], system.C * scale[None, :]
+        self.poles, vectors = scipy.linalg.eig(A)
+        self._solved = _pole_residue
+        if np.linalg.cond(vectors) <= WELL_CONDITIONED:
+            self._T, self._left, self._right = np.diag(self.poles), np.linalg.solve(vectors, B.astype(complex)), C @ vectors
+        else:
+            self._T, unitary = scipy.linalg.schur(A, output="complex")
+            self._left, self._right, self._solved = unitary.conj().T @ B, C @ unitary, _triangular
+
+    def __call__(self, s: ComplexArray) -> ComplexArray:
+        """(ny, nu, nf) at complex points s (nf,); InputError where one lies on a pole."""
+        system = self.system
+        out = np.repeat(system.D[:, :, None].astype(complex), s.size, axis=2)
+        if system.n_states:
+            _refuse_poles(system, np.diag(self._T), s)
+            for start in range(0, s.size, BLOCK):
+                at = slice(start, start + BLOCK)
+                out[:, :, at] += self._solved(self._T, self._left, self._right, s[at])
+        return out
 
 
 def _refuse_poles(system: StateSpace, poles: ComplexArray, s: ComplexArray) -> None:
