@@ -68,7 +68,7 @@ class ComponentSpec(_Section):
         None,
         description="modal damping ratio of the component (equation 4): one value, one a mode, or rows [frequency_hz, ratio]",
     )
-    placement: PlacementSpec | None = Field(default=None, description="rotation and translation; left out: as the file says")
+    placement: PlacementSpec | None = Field(default=None, description="rotation and translation; left out: not moved")
 
 
 class ConnectionSpec(_Section):
@@ -156,6 +156,10 @@ class VerificationSpec(_Section):
     """Checks of the coupled model."""
 
     rigid_body_modes: int = Field(default=6, ge=0, le=6, description="expected number of rigid-body modes")
+    rigid_body_share: Positive | None = Field(
+        default=None,
+        description="largest accepted rigid-body frequency over the first flexible one, before it is set to zero; left out: any",
+    )
     reference: ReferenceSpec | None = Field(default=None, description="table against a reference")
     max_frequency_hz: Positive | None = Field(
         default=None,

@@ -1,0 +1,221 @@
+"""The command line: it reads arguments, calls the library and prints; nothing is computed here."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Annotated, Any, ParamSpec, TypeVar
+
+import typer
+
+from flexplant.errors import CheckFailedError, FlexplantError, SolverError
+
+OK, FAILED, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
+EPILOG = "Exit codes: 0 done, 1 a check failed or a computation did not converge, 2 bad input, 130 interrupted."
+
+app = typer.Typer(
+    name="flexplant",
+    help="Finite-element component models to a flexible structural plant: read, couple, verify, respond, close the loop.",
+    epilog=EPILOG,
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+P = ParamSpec("P")
+R = TypeVar("R")
+Format = Annotated[str | None, typer.Option(help="Format name; left out: decided by the file itself.")]
+Units = Annotated[str | None, typer.Option(help="Units of the files, such as SI or mm-tonne-s.")]
+Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="No progress display.")]
+Outside = Annotated[bool, typer.Option("--allow-outside", help="Let the study name files outside its folder.")]
+
+
+def _told(command: Callable[P, R]) -> Callable[P, R]:
+    """The command with its foreseen errors told in one line on stderr and turned into exit codes."""
+
+    @functools.wraps(command)
+    def wrapped(*args: P.args, **kwargs: P.kwargs) -> R:
+        try:
+            return command(*args, **kwargs)
+        except (CheckFailedError, SolverError) as error:
+            raise _end(str(error), FAILED) from None
+        except FlexplantError as error:
+            raise _end(str(error), BAD_INPUT) from None
+        except OSError as error:
+            raise _end(f"{error.filename or 'file'}: {error.strerror or error}", BAD_INPUT) from None
+        except MemoryError:
+            raise _end("not enough memory for this model", FAILED) from None
+        except KeyboardInterrupt:
+            raise _end("interrupted; nothing was written", INTERRUPTED) from None
+
+    return wrapped
+
+
+def _end(text: str, code: int) -> typer.Exit:
+    typer.echo("\n".join(f"flexplant: {line}" for line in text.splitlines()), err=True)
+    return typer.Exit(code)
+
+
+@contextmanager
+def _progress(quiet: bool) -> Iterator[Callable[[str, float], None] | None]:
+    """A callback (text, done share) that drives a progress bar on stderr."""
+    if quiet:
+        yield None
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+
+    columns = (TextColumn("{task.description:<44}"), BarColumn(), TextColumn("{task.percentage:>3.0f} %"), TimeElapsedColumn())
+    with Progress(*columns, console=Console(stderr=True)) as bar:
+        task = bar.add_task("start", total=1.0)
+        yield lambda text, share: bar.update(task, description=text, completed=share)
+
+
+def _version(show: bool) -> None:
+    if show:
+        from importlib.metadata import version
+
+        typer.echo(f"flexplant {version('flexplant')}")
+        raise typer.Exit
+
+
+@app.callback()
+def _root(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="Show the version and exit.")
+    ] = False,
+) -> None:
+    pass
+
+
+@app.command(epilog="Example: flexplant demo -o results")
+@_told
+def demo(
+    output: Annotated[Path, typer.Option("--output", "-o", help="Folder for the results.")] = Path("flexplant-demo"),
+    quiet: Quiet = False,
+) -> None:
+    """Run the ShockSat-like example: two components to a closed-loop line-of-sight report."""
+    from flexplant.study.examples import example_study
+
+    _run(example_study("shocksat"), output, quiet, allow_outside=False)
+
+
+@app.command(epilog="Example: flexplant run study.yaml -o results")
+@_told
+def run(
+    study: Annotated[Path, typer.Argument(help="Study file (YAML).")],
+    output: Annotated[Path | None, typer.Option("--output", "-o", help="Folder for the results; default STUDY-results.")] = None,
+    allow_outside: Outside = False,
+    quiet: Quiet = False,
+) -> None:
+    """Run a study: read, couple, verify, respond, close the loop, report."""
+    _run(study, output or Path(f"{study.stem}-results"), quiet, allow_outside)
+
+
+def _run(study: Path, output: Path, quiet: bool, allow_outside: bool) -> None:
+    from flexplant.study.pipeline import run_study
+
+    with _progress(quiet) as progress:
+        result = run_study(study, output=output, allow_outside=allow_outside, progress=progress)
+    typer.echo(result.text())
+    if not result.checks.passed:
+        raise _end(f"{len(result.checks.failed)} checks failed: {', '.join(c.name for c in result.checks.failed)}", FAILED)
+
+
+@app.command(epilog="Example: flexplant check bus.op4 optic.op4 --units mm-kg-s")
+@_told
+def check(
+    files: Annotated[list[Path], typer.Argument(help="Component files.")],
+    format: Format = None,  # noqa: A002 - the name of the option
+    units: Units = None,
+) -> None:
+    """Check components by themselves: symmetry, mass properties, rigid-body energy, fixed-interface modes."""
+    from flexplant.io import read_component
+    from flexplant.study.tables import component_text
+    from flexplant.verification import check_component
+
+    failed = []
+    for file in files:
+        component = read_component(file, format=format, units=units)
+        report = check_component(component)
+        typer.echo(component_text(component, report))
+        failed += [c.name for c in report.failed]
+    if failed:
+        raise _end(f"{len(failed)} checks failed: {', '.join(failed)}", FAILED)
+
+
+@app.command(epilog="Example: flexplant couple bus.op4 optic.op4 --connect bus:optic:3,11,19,27 -o system.npz")
+@_told
+def couple(
+    files: Annotated[list[Path], typer.Argument(help="Component files, named after the files.")],
+    connect: Annotated[
+        list[str],
+        typer.Option("--connect", "-c", help="a:b:node,node (the same ids on both sides), or a:b for matching by position."),
+    ] = [],  # noqa: B006 - typer copies it
+    ground: Annotated[list[str], typer.Option(help="component:node,node to hold fixed.")] = [],  # noqa: B006
+    method: Annotated[str, typer.Option(help="dual or primal.")] = "dual",
+    max_frequency: Annotated[float | None, typer.Option(help="Highest frequency listed, Hz.")] = None,
+    rigid_body_modes: Annotated[int, typer.Option(help="Expected number of rigid-body modes.")] = 6,
+    format: Format = None,  # noqa: A002
+    units: Units = None,
+    output: Annotated[Path | None, typer.Option("--output", "-o", help="Write the coupled matrices to this .npz file.")] = None,
+) -> None:
+    """Couple components and print the free-free table."""
+    from flexplant.assembly import couple as assemble
+    from flexplant.io import read_component
+    from flexplant.modes import normal_modes
+    from flexplant.study.assemble import parse_connection, parse_ground
+    from flexplant.study.outputs import write_system
+    from flexplant.study.tables import modes_table
+    from flexplant.verification import verify
+
+    components = [read_component(file, format=format, units=units, name=file.stem) for file in files]
+    connections = [parse_connection(text) for text in connect] + [parse_ground(text) for text in ground]
+    system = assemble(components, connections, method=method)
+    modes = normal_modes(system, max_frequency_hz=max_frequency)
+    report = verify(system, rigid_body_modes=rigid_body_modes, modes=modes)
+    typer.echo(f"{report}\n\n{modes_table(modes)}")
+    if output is not None:
+        typer.echo(f"\nwrote {write_system(system, output)}")
+    report.raise_if_failed()
+
+
+@app.command(epilog="Example: flexplant export results/plant.npz --to mat")
+@_told
+def export(
+    plant: Annotated[Path, typer.Argument(help="Plant file (.npz) that a study wrote.")],
+    to: Annotated[str, typer.Option(help="mat or npz.")],
+    output: Annotated[Path | None, typer.Option("--output", "-o", help="File to write; default beside the plant.")] = None,
+) -> None:
+    """Write a plant in another format, for MATLAB (mat) or numpy (npz)."""
+    from flexplant.study.outputs import export_plant
+
+    typer.echo(f"wrote {export_plant(plant, to, output)}")
+
+
+@app.command(epilog="Example: flexplant new study.yaml")
+@_told
+def new(path: Annotated[Path, typer.Argument(help="Study file to write.")] = Path("study.yaml")) -> None:
+    """Write a commented starter study."""
+    from flexplant.study.outputs import write_new
+    from flexplant.study.reference import STARTER
+
+    typer.echo(f"wrote {write_new(path, STARTER)}; edit it, then: flexplant run {path}")
+
+
+@app.command(epilog="Example: flexplant schema > study.schema.json")
+@_told
+def schema(
+    markdown: Annotated[bool, typer.Option("--markdown", help="The reference page instead of the JSON schema.")] = False,
+) -> None:
+    """Print the study file's JSON schema for editors, or its reference page."""
+    from flexplant.study import reference
+
+    typer.echo(reference.markdown() if markdown else reference.json_schema(), nl=False)
+
+
+def main() -> Any:
+    """Entry point of the `flexplant` command."""
+    return app()

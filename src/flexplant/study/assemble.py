@@ -1,0 +1,90 @@
+"""From the study file's words to components, connections and the coupled system."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from flexplant.assembly import GROUND, Connection, System, couple
+from flexplant.errors import InputError
+from flexplant.io import read_component
+from flexplant.model.component import Component
+from flexplant.model.geometry import Placement
+from flexplant.study.schema import ComponentSpec, ConnectionSpec, GroundSpec, StudySpec, UnitsSpec
+
+
+def read_components(study: StudySpec, folder: Path) -> tuple[Component, ...]:
+    """The components of a study, in SI, with their damping (equation 4)."""
+    return tuple(_read(name, spec, study, folder) for name, spec in study.components.items())
+
+
+def _read(name: str, spec: ComponentSpec, study: StudySpec, folder: Path) -> Component:
+    shared = study.damping.ratio if study.damping is not None and study.damping.on == "components" else None
+    damping = spec.damping if spec.damping is not None else shared
+    return read_component(folder / spec.file, format=spec.format, name=name, damping=damping, units=_units(spec))
+
+
+def _units(spec: ComponentSpec) -> Any:
+    return (spec.units.length_m, spec.units.mass_kg) if isinstance(spec.units, UnitsSpec) else spec.units
+
+
+def assemble(study: StudySpec, components: tuple[Component, ...]) -> System:
+    """The coupled system of a study."""
+    connections = [connection(c) for c in study.connections] + [ground(g, i) for i, g in enumerate(study.ground, start=1)]
+    placements = {
+        name: Placement(np.array(spec.placement.rotation, dtype=float), np.array(spec.placement.translation, dtype=float))
+        for name, spec in study.components.items()
+        if spec.placement is not None
+    }
+    return couple(components, connections, method=study.method, placements=placements)
+
+
+def connection(spec: ConnectionSpec) -> Connection:
+    """One joint of the study file."""
+    by_position = spec.pairs == "by position"
+    same = [(node, node) for node in spec.nodes or []]
+    return Connection(
+        spec.a,
+        spec.b,
+        pairs=same if spec.pairs is None else spec.pairs,
+        directions=spec.directions,
+        name=spec.name,
+        frame=spec.frame,
+        offset=spec.offset,
+        tolerance=spec.tolerance_m,
+        nodes=spec.nodes if by_position else None,
+        stiffness=spec.stiffness,
+        damping=spec.damping,
+    )
+
+
+def ground(spec: GroundSpec, number: int = 1) -> Connection:
+    """Nodes held fixed, as a connection to the ground."""
+    return Connection(spec.component, GROUND, pairs=spec.nodes, directions=spec.directions, name=f"ground-{number}")
+
+
+def parse_connection(text: str) -> Connection:
+    """A connection from "a:b:3,11,19" (the same node ids on both sides) or "a:b" (by position). Raises InputError."""
+    parts = text.split(":")
+    if len(parts) not in (2, 3) or not all(parts):
+        raise InputError(f"connection {text!r}: write a:b:node,node or, to match by position, a:b")
+    if len(parts) == 2:
+        return Connection(parts[0], parts[1], pairs="by position")
+    return Connection(parts[0], parts[1], pairs=[(node, node) for node in _nodes(parts[2], text)])
+
+
+def parse_ground(text: str) -> Connection:
+    """A connection to the ground from "component:3,11". Raises InputError."""
+    component, _, nodes = text.partition(":")
+    if not component or not nodes:
+        raise InputError(f"ground {text!r}: write component:node,node")
+    return Connection(component, GROUND, pairs=_nodes(nodes, text), name=f"ground-{component}")
+
+
+def _nodes(text: str, whole: str) -> list[int]:
+    try:
+        return [int(node) for node in text.split(",")]
+    except ValueError:
+        raise InputError(f"{whole!r}: node ids are whole numbers separated by commas, got {text!r}") from None

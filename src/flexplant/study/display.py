@@ -1,0 +1,66 @@
+"""The structure in three dimensions with the coupled system's mode shapes, through the components' display recovery."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from flexplant.assembly import System
+from flexplant.errors import ReadError
+from flexplant.io import read_display_mesh
+from flexplant.model.arrays import FloatArray, dense
+from flexplant.modes import Modes
+from flexplant.report import DisplayMesh, StructureView, joined
+from flexplant.study.schema import StudySpec
+
+
+def structure_view(study: StudySpec, folder: Path, system: System, modes: Modes) -> StructureView | None:
+    """The view, or None where no component brings a display mesh with a recovery of its nodes."""
+    picked = [number - 1 for number in study.report.mode_shapes if 0 < number <= len(modes)]
+    parts = []
+    for name, spec in study.components.items():
+        mesh = _mesh(folder / spec.file, spec.format)
+        if mesh is not None and picked and study.report.display in system.component(name).recovery:
+            parts.append((_placed(mesh, system, name), _shapes(study.report.display, system, name, modes.shapes[:, picked])))
+    if not parts:
+        return None
+    labels = [_label(study, modes, k) for k in picked]
+    first = next((i for i, k in enumerate(picked) if k >= modes.n_rigid), 0)
+    return StructureView(
+        joined([mesh for mesh, _ in parts]),
+        np.concatenate([shapes for _, shapes in parts], axis=1),
+        modes.frequency_hz[picked],
+        labels,
+        caption="Mode shapes of the coupled reduced model, recovered at the display nodes of each component.",
+        first_mode=first,
+    )
+
+
+def _mesh(path: Path, format_name: str | None) -> DisplayMesh | None:
+    try:
+        mesh = read_display_mesh(path, format=format_name)
+    except ReadError:  # a format without display meshes is no error: the report then has no view
+        return None
+    return None if mesh is None else DisplayMesh(mesh.nodes, mesh.positions, mesh.quads, mesh.lines)
+
+
+def _placed(mesh: DisplayMesh, system: System, name: str) -> DisplayMesh:
+    place = system.placement(name)
+    positions = mesh.positions @ place.rotation.T + place.translation
+    return DisplayMesh(mesh.nodes, positions, mesh.quads, mesh.lines)
+
+
+def _shapes(display: str, system: System, name: str, shapes: FloatArray) -> FloatArray:
+    """(modes, nodes, 3) displacements in the system frame."""
+    rows = system.component(name).recovery[display].displacement
+    moved = np.asarray(dense(rows) @ shapes[system.offsets[name]]).T
+    return np.asarray(moved.reshape(moved.shape[0], -1, 3) @ system.placement(name).rotation.T)
+
+
+def _label(study: StudySpec, modes: Modes, k: int) -> str:
+    if k < modes.n_rigid:
+        return f"Rigid body {k + 1}"
+    labels = study.verification.reference.labels if study.verification.reference is not None else []
+    place = k - modes.n_rigid
+    return labels[place] if place < len(labels) else f"Flexible {place + 1}"

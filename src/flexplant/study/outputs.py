@@ -1,0 +1,85 @@
+"""Files of a study, written so that a failure or Ctrl-C leaves nothing half-written."""
+
+from __future__ import annotations
+
+import shutil
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sp
+
+from flexplant.assembly import System
+from flexplant.errors import InputError, WriteError, nearest
+from flexplant.io import read_plant, write_plant
+from flexplant.io.write.atomic import replacing
+
+
+@contextmanager
+def output_folder(folder: str | Path) -> Iterator[Path]:
+    """A hidden work folder inside `folder`; its files appear in `folder` together when the block ends without an error.
+
+    The folder is made where it does not exist. Raises WriteError, before any work, where it cannot be written.
+    """
+    folder = Path(folder)
+    new = not folder.exists()
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        work = Path(tempfile.mkdtemp(prefix=".partial-", dir=folder))
+    except OSError as error:
+        raise WriteError(f"cannot write results to {folder} ({error.strerror}); choose another folder with -o") from None
+    try:
+        yield work
+        for file in sorted(work.iterdir()):
+            _publish(file, folder / file.name)
+    finally:
+        shutil.rmtree(work, ignore_errors=True)
+        if new and not any(folder.iterdir()):
+            folder.rmdir()
+
+
+def _publish(file: Path, target: Path) -> None:
+    try:
+        file.replace(target)
+    except OSError as error:
+        raise WriteError(f"cannot write {target} ({error.strerror})") from None
+
+
+def write_new(path: str | Path, text: str) -> Path:
+    """Write a text file that must not exist yet; WriteError otherwise."""
+    path = Path(path)
+    if path.exists():
+        raise WriteError(f"{path} exists already; choose another name, nothing was overwritten")
+    with replacing(path) as work:
+        work.write_text(text, encoding="utf-8")
+    return path
+
+
+def write_system(system: System, path: str | Path) -> Path:
+    """Coupled mass, damping and stiffness as triplets (row, column, value from 0), constraint rows and names, in one .npz."""
+    path = Path(path)
+    if path.suffix != ".npz":
+        raise InputError(f"coupled matrices are written as .npz, got {path.name!r}")
+    arrays: dict[str, Any] = {"method": system.method, "labels": system.labels, "constraints": list(system.constraint_labels)}
+    for name in ("mass", "damping", "stiffness"):
+        matrix = sp.coo_array(getattr(system, name))
+        arrays |= {f"{name}_row": matrix.row, f"{name}_column": matrix.col, f"{name}_value": matrix.data}
+        arrays["shape"] = matrix.shape
+    with replacing(path) as work:
+        np.savez_compressed(work, **arrays)
+    return path
+
+
+def export_plant(plant: Path, to: str, output: Path | None) -> Path:
+    """Read a plant file and write it in the format `to`; InputError for an unknown format."""
+    formats = ("mat", "npz", "h5")
+    if to not in formats:
+        raise InputError(f"unknown format {to!r}." + nearest(to, formats))
+    target = output or plant.with_suffix(f".{to}")
+    if target.resolve() == plant.resolve():
+        raise InputError(f"{plant} is that file already; name another with -o")
+    write_plant(read_plant(plant), target)
+    return target
