@@ -38,7 +38,7 @@ def test_a_mode_that_does_not_move_the_mesh_stays_still():
 def test_modes_are_named_with_their_frequency():
     view = StructureView(square(), np.ones((2, 4, 3)), [0.0, 112.756], labels=["Rigid body 1", "X bending 1"])
     assert view.captions == ["Rigid body 1 · 0 Hz", "X bending 1 · 112.8 Hz"]
-    assert StructureView(square(), np.ones((1, 4, 3)), [7.0]).captions == ["Mode 1 · 7 Hz"]
+    assert StructureView(square(), np.ones((1, 4, 3)), [7.0]).captions == ["Mode 1 · 7.0 Hz"]
 
 
 def test_joined_meshes_keep_their_own_faces():

@@ -68,7 +68,6 @@ class Report:
     provenance: Mapping[str, Mapping[str, object]] = field(default_factory=dict)
     checks: CheckReport | None = None
     subtitle: str = ""
-    language: str = "en"
 
 
 def render(report: Report) -> str:

@@ -76,7 +76,10 @@ class StructureView:
     def captions(self) -> list[str]:
         """What the mode list shows: "X bending 1, 112.8 Hz"."""
         names = self.labels or [f"Mode {i + 1}" for i in range(self.frequency_hz.size)]
-        return [f"{name} · {hz:.4g} Hz" for name, hz in zip(names, self.frequency_hz, strict=True)]
+        return [
+            f"{name} · {hz:.1f} Hz" if hz >= 1 else f"{name} · {hz:.2g} Hz"
+            for name, hz in zip(names, self.frequency_hz, strict=True)
+        ]
 
     def payload(self) -> dict[str, object]:
         """What the viewer in the page reads; arrays as base64 of little-endian float32 and uint32."""

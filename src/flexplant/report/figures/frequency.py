@@ -19,6 +19,7 @@ from flexplant.report.figures.theme import (
     annotate,
     blank,
     line,
+    loop_colour,
     plain,
     thin_out,
 )
@@ -127,7 +128,9 @@ def singular_values(
         for rank, row in enumerate(rows):
             dash, width = ("solid", LINE_WIDTH) if rank == 0 else ("dot", 1.0)
             hover = f"%{{x:.5g}} Hz<br>σ{rank + 1} = %{{y:.4g}} {plain(unit)}"
-            trace = line(hz[keep], row[keep], name=label, number=number, legend=rank == 0, hover=hover, dash=dash, width=width)
+            trace = line(
+                hz[keep], row[keep], name=label, number=loop_colour(number), legend=rank == 0, hover=hover, dash=dash, width=width
+            )
             figure.add_trace(trace, row=1, col=1)
     annotate(figure, marks, log_y=True)
     return figure
@@ -233,4 +236,4 @@ def _shade_truncated(figure: go.Figure, entries: Mapping[str, xr.DataArray], abo
     highest = max(float(_frequency(data).max()) for data in entries.values())
     if highest > above_hz:
         figure.add_vrect(x0=above_hz, x1=highest, fillcolor=GREY, opacity=0.13, line_width=0, row="all", col=1)
-        annotate(figure, [Mark(above_hz, " no modes kept above")])
+        annotate(figure, [Mark(above_hz, "no modes kept above")])

@@ -131,6 +131,11 @@ def line(
     )
 
 
+def loop_colour(number: int) -> int:
+    """Open loop in vermilion, closed loop in blue, in every figure: the loud one first, the quiet one drawn over it."""
+    return (1, 0)[number] if number < 2 else number
+
+
 def thin_out(values: NDArray[np.float64], limit: int = POINTS_PER_CURVE) -> NDArray[np.intp]:
     """Places to keep of a long curve: the extremes of every bucket, so that no peak or notch is lost; (k,), k about `limit`.
 
@@ -157,7 +162,7 @@ def annotate(figure: go.Figure, marks: Sequence[Mark], *, row: int = 1, log_x: b
         text = {"text": plain(mark.text), "font": {"size": 12}, "row": row, "col": 1}
         if mark.y is None:
             figure.add_annotation(
-                x=x, y=1 - 0.09 * (place % 3), yref="y domain", xanchor="left", showarrow=False, yanchor="top", **text
+                x=x, y=1 - 0.09 * (place % 3), yref="y domain", xanchor="left", xshift=3, showarrow=False, yanchor="top", **text
             )
             continue
         y = float(np.log10(mark.y)) if log_y else mark.y

@@ -10,7 +10,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from flexplant.errors import InputError, nearest
-from flexplant.report.figures.theme import DASHES, GREY, PALETTE, Axis, Mark, annotate, blank, line, plain, si_scale, thin_out
+from flexplant.report.figures.theme import DASHES, GREY, Axis, Mark, annotate, blank, line, loop_colour, plain, si_scale, thin_out
 
 FloatArray = NDArray[np.float64]
 
@@ -39,7 +39,9 @@ def time_histories(
         for row, motion in enumerate(scale * values, start=1):
             keep = thin_out(motion)
             hover = f"%{{x:.5g}} s<br>%{{y:.4g}} {plain(shown_unit)}"
-            trace = line(seconds[keep], motion[keep], name=label, number=_colour(number), legend=row == 1, hover=hover, width=1.1)
+            trace = line(
+                seconds[keep], motion[keep], name=label, number=loop_colour(number), legend=row == 1, hover=hover, width=1.1
+            )
             figure.add_trace(trace, row=row, col=1)
     return figure
 
@@ -64,7 +66,7 @@ def spot(
     for number, (label, values) in enumerate(picked.items()):
         keep = _even(values.shape[1])
         path = scale * values[:, keep]
-        figure.add_trace(line(path[0], path[1], name=label, number=_colour(number), hover=hover, width=1.0), row=1, col=1)
+        figure.add_trace(line(path[0], path[1], name=label, number=loop_colour(number), hover=hover, width=1.0), row=1, col=1)
     if pixel is not None:
         half = scale * pixel / 2
         edge = np.array([-half, half, half, -half, -half])
@@ -103,7 +105,7 @@ def rms_over_speed(
             keep = thin_out(np.log(np.maximum(rms, np.finfo(float).tiny)))
             name = label if data.ndim == 1 else f"{label}, {_named(rows, which, labels or {})}"
             dash = DASHES[which % len(DASHES)]
-            trace = line(speed[keep], rms[keep], name=name, number=_colour(number), hover=hover, dash=dash)
+            trace = line(speed[keep], rms[keep], name=name, number=loop_colour(number), hover=hover, dash=dash)
             figure.add_trace(trace, row=1, col=1)
     annotate(figure, marks, log_x=False)
     return figure
@@ -120,11 +122,6 @@ def _speed_rows(label: str, data: xr.DataArray) -> xr.DataArray:
 def _named(rows: xr.DataArray, which: int, labels: Mapping[str, str]) -> str:
     name = str(rows["output"].values[which])
     return labels.get(name, name)
-
-
-def _colour(number: int) -> int:
-    """Open loop in vermilion, closed loop in blue: the loud one first, the quiet one drawn over it."""
-    return (1, 0)[number] if number < 2 else number % len(PALETTE)
 
 
 def _outputs(data: xr.DataArray) -> list[str]:
