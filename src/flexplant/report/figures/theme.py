@@ -58,13 +58,11 @@ def plain(text: object) -> str:
     return html.escape(str(text), quote=False)
 
 
-def blank(
-    title: str, x: Axis, rows: Sequence[Axis], *, heights: Sequence[float] | None = None, columns: int = 1, size: int = 420
-) -> go.Figure:
-    """An empty figure: a column of plots on one x axis (or side by side with `columns`), `size` pixels high."""
+def blank(title: str, x: Axis, rows: Sequence[Axis], *, heights: Sequence[float] | None = None, size: int = 420) -> go.Figure:
+    """An empty figure: a column of plots on one x axis, `size` pixels high."""
     figure = make_subplots(
         rows=len(rows),
-        cols=columns,
+        cols=1,
         shared_xaxes=True,
         vertical_spacing=0.05,
         row_heights=list(heights) if heights else None,
