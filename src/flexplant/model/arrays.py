@@ -17,9 +17,17 @@ Matrix: TypeAlias = Any  # a real symmetric or rectangular matrix: (n, m) float6
 SYMMETRY_TOLERANCE = 1e-6  # relative; single-precision vendor files are symmetric to about 1e-7
 
 
-def frozen(array: npt.ArrayLike, dtype: npt.DTypeLike = np.float64) -> Any:
-    """A read-only copy of `array` with the given dtype."""
-    out = np.array(array, dtype=dtype)
+def frozen(array: npt.ArrayLike, dtype: npt.DTypeLike = np.float64, *, what: str = "values") -> Any:
+    """A read-only copy of `array` as floats or ints; ModelError for text, ragged lists, and numbers that would be rounded."""
+    try:
+        given = np.array(array)
+        if given.size and given.dtype.kind not in ("biufc" if np.issubdtype(dtype, np.complexfloating) else "biuf"):
+            raise ValueError(f"of type {given.dtype}")
+        if np.issubdtype(dtype, np.integer) and given.dtype.kind == "f" and not (given == np.round(given)).all():
+            raise ValueError("not whole")
+        out = given.astype(dtype)
+    except (TypeError, ValueError, OverflowError) as error:
+        raise ModelError(f"{what}: not real numbers of one shape, or not whole where ids are needed ({error})") from None
     out.setflags(write=False)
     return out
 
@@ -39,6 +47,8 @@ def checked_matrix(matrix: Any, shape: tuple[int | None, int | None], what: str)
 
     Raises ModelError with both shapes, or the row and column of the first entry that is not finite.
     """
+    if np.iscomplexobj(matrix):
+        raise ModelError(f"{what} is complex; give real matrices (structural damping is a choice of the plant's damping)")
     if is_sparse(matrix):
         out = sp.csr_array(matrix, dtype=np.float64, copy=True)
         out.sum_duplicates()
@@ -53,10 +63,16 @@ def checked_matrix(matrix: Any, shape: tuple[int | None, int | None], what: str)
         wanted = "(" + ", ".join("any" if s is None else str(s) for s in shape) + ")"
         raise ModelError(f"{what} has shape {out.shape}, but {wanted} is needed")
     if not np.isfinite(data).all():
-        row, column = np.argwhere(~np.isfinite(dense(out)))[0]
+        row, column = _first_not_finite(out)
         raise ModelError(f"{what} has an entry that is not finite at row {row}, column {column} (counted from 0)")
     data.setflags(write=False)
     return out
+
+
+def _first_not_finite(matrix: Matrix) -> tuple[int, int]:
+    entries = sp.coo_array(matrix)  # NaN and infinity are stored entries: a large sparse matrix is not made dense
+    first = int(np.flatnonzero(~np.isfinite(entries.data))[0])
+    return int(entries.row[first]), int(entries.col[first])
 
 
 def checked_symmetric(matrix: Any, n: int | None, what: str) -> Matrix:
@@ -68,7 +84,8 @@ def checked_symmetric(matrix: Any, n: int | None, what: str) -> Matrix:
     largest = float(abs(out).max()) if out.shape[0] and (not is_sparse(out) or out.nnz) else 0.0
     worst = float(difference.max()) if out.shape[0] and (not is_sparse(out) or difference.nnz) else 0.0
     if worst > SYMMETRY_TOLERANCE * largest:
-        row, column = np.unravel_index(int(np.argmax(dense(difference))), out.shape)
+        entries = sp.coo_array(difference)
+        row, column = sorted(x[int(np.argmax(entries.data))] for x in (entries.row, entries.col))
         raise ModelError(
             f"{what} is not symmetric: entries ({row}, {column}) and ({column}, {row}) differ by {worst:.3g} "
             f"(largest entry {largest:.3g}); if only one triangle is stored, fill the other one first"

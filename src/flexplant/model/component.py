@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
@@ -26,6 +26,8 @@ def check_name(name: str, what: str) -> str:
 def _check_nodes(owner: str, nodes: Nodes | None, dofs: DofSet) -> None:
     if nodes is None:
         return
+    if not isinstance(nodes, Nodes):
+        raise ModelError(f"{owner}: nodes must be Nodes(ids=, positions=), got {type(nodes).__name__}")
     missing = [n for n in dofs.nodes if n not in nodes]
     if missing:
         raise ModelError(f"{owner}: DOF at nodes {missing[:8]} that are not in its {len(nodes)} nodes; add their positions")
@@ -95,15 +97,24 @@ class Component:
                 object.__setattr__(self, kind, checked_symmetric(matrix, n, f"{owner}: {kind} matrix"))
         _check_nodes(owner, self.nodes, boundary)
         self._set_recovery(owner, n)
-        ids = frozen(np.arange(1, self.n_modal + 1) if self.modal_ids is None else self.modal_ids, np.int64)
+        modal = np.arange(1, self.n_modal + 1) if self.modal_ids is None else self.modal_ids
+        ids = frozen(modal, np.int64, what=f"{owner}: modal ids")
         if ids.shape != (self.n_modal,):
             raise ModelError(f"{owner}: {ids.size} modal ids for {self.n_modal} modal coordinates")
         object.__setattr__(self, "modal_ids", ids)
+        twice = sorted(n for n, d in self.boundary.pairs if d == 0 and n in set(ids.tolist()))
+        if twice or np.unique(ids).size < ids.size:
+            raise ModelError(f"{owner}: modal ids must be distinct, and distinct from scalar boundary DOF {twice[:8]}")
 
     def _set_recovery(self, owner: str, n: int) -> None:
         given: Any = self.recovery
-        items: Iterable[Recovery] = given.values() if isinstance(given, Mapping) else given
+        items: list[Recovery] = list(given.values() if isinstance(given, Mapping) else given)
+        for r in items:
+            if not isinstance(r, Recovery):
+                raise ModelError(f"{owner}: recovery must be Recovery values, got {type(r).__name__}")
         recovery = {check_name(r.name, "recovery"): r for r in items}
+        if len(recovery) < len(items) or (isinstance(given, Mapping) and list(given) != list(recovery)):
+            raise ModelError(f"{owner}: recovery names must be distinct, and a mapping's keys must be the names {list(recovery)}")
         for r in recovery.values():
             if r.n_columns != n:
                 raise ModelError(f"{owner}: recovery {r.name!r} has {r.n_columns} columns, but the matrices are ({n}, {n})")

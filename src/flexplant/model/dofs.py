@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import operator
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -33,7 +34,8 @@ class DofSet:
     direction: IntArray
 
     def __post_init__(self) -> None:
-        node, direction = frozen(self.node, np.int64), frozen(self.direction, np.int64)
+        node = frozen(self.node, np.int64, what="DOF set: node ids")
+        direction = frozen(self.direction, np.int64, what="DOF set: directions")
         if node.ndim != 1 or node.shape != direction.shape:
             raise ModelError(f"DOF set: node has shape {node.shape}, direction {direction.shape}; both must be (n,)")
         if direction.size and (direction.min() < 0 or direction.max() > 6):
@@ -51,7 +53,7 @@ class DofSet:
         if isinstance(pairs, DofSet):
             return pairs
         try:
-            rows = [(int(node), d) for node, direction in pairs for d in expand_directions(direction)]
+            rows = [(operator.index(node), d) for node, direction in pairs for d in expand_directions(direction)]
         except (TypeError, ValueError) as error:
             if isinstance(error, ModelError):
                 raise

@@ -17,7 +17,7 @@ ORTHOGONALITY_TOLERANCE = 1e-6  # single-precision direction cosines pass, a typ
 
 def check_rotation(rotation: npt.ArrayLike, what: str) -> FloatArray:
     """A read-only (3, 3) proper rotation, re-orthogonalised to machine precision; ModelError otherwise."""
-    given = np.array(rotation, dtype=float)
+    given: FloatArray = frozen(rotation, what=what)
     if given.shape != (3, 3) or not np.isfinite(given).all():
         raise ModelError(f"{what}: a rotation must be a finite (3, 3) matrix, got shape {given.shape}")
     u, s, vt = np.linalg.svd(given)
@@ -25,7 +25,7 @@ def check_rotation(rotation: npt.ArrayLike, what: str) -> FloatArray:
         raise ModelError(
             f"{what}: not a right-handed rotation (singular values {np.round(s, 6)}, det {np.linalg.det(given):.4g})"
         )
-    return frozen(u @ vt if abs(s - 1).max() > 4e-16 else given)
+    return np.asarray(frozen(u @ vt)) if abs(s - 1).max() > 4e-16 else given
 
 
 def cylindrical_frame(position: npt.ArrayLike, origin: npt.ArrayLike, axes: npt.ArrayLike) -> FloatArray:
@@ -61,7 +61,7 @@ class Nodes:
     frames: FloatArray | None = None
 
     def __post_init__(self) -> None:
-        ids, positions = frozen(self.ids, np.int64), frozen(self.positions)
+        ids, positions = frozen(self.ids, np.int64, what="nodes: ids"), frozen(self.positions, what="nodes: positions")
         if ids.ndim != 1 or positions.shape != (ids.size, 3):
             raise ModelError(f"nodes: {ids.size} ids need positions of shape ({ids.size}, 3), got {positions.shape}")
         if not np.isfinite(positions).all():
@@ -71,9 +71,10 @@ class Nodes:
         if len(self._row) != ids.size:
             raise ModelError(f"nodes: {ids.size - len(self._row)} node ids are listed twice")
         if self.frames is not None:
-            if np.shape(self.frames) != (ids.size, 3, 3):
-                raise ModelError(f"nodes: frames must have shape ({ids.size}, 3, 3), got {np.shape(self.frames)}")
-            checked = [check_rotation(f, f"displacement frame of node {i}") for i, f in zip(ids, self.frames, strict=True)]
+            frames = frozen(self.frames, what="nodes: frames")
+            if frames.shape != (ids.size, 3, 3):
+                raise ModelError(f"nodes: frames must have shape ({ids.size}, 3, 3), got {frames.shape}")
+            checked = [check_rotation(f, f"displacement frame of node {i}") for i, f in zip(ids, frames, strict=True)]
             object.__setattr__(self, "frames", frozen(np.reshape(checked, (ids.size, 3, 3))))
 
     @cached_property
@@ -116,7 +117,7 @@ class Placement:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "rotation", check_rotation(self.rotation, "placement"))
-        translation = frozen(self.translation)
+        translation = frozen(self.translation, what="placement: translation")
         if translation.shape != (3,) or not np.isfinite(translation).all():
             raise ModelError(f"placement: translation must be three finite numbers, got shape {translation.shape}")
         object.__setattr__(self, "translation", translation)
