@@ -11,7 +11,7 @@ import numpy.typing as npt
 import scipy.linalg as la
 import scipy.sparse as sp
 
-from flexplant.assembly import System, component_rigid_body
+from flexplant.assembly import System, component_rigid_body, stiffness_scale
 from flexplant.errors import InputError
 from flexplant.model.arrays import FloatArray, dense, frozen, is_sparse
 from flexplant.model.component import Component, FiniteElementModel
@@ -20,7 +20,8 @@ from flexplant.numerics.eigen import Eigenpairs, dense_eigenpairs, sparse_eigenp
 from flexplant.numerics.rank import split_semidefinite
 
 DENSE_LIMIT = 1500  # coordinates up to which a dense solution is faster than a sparse one or takes about a second
-ZERO_ENERGY = 1e-11  # strain energy of a rigid motion relative to the same motion of the stiffness' diagonal
+DENSE_MAXIMUM = 12_000  # coordinates up to which all modes fit into some GB
+ZERO_ENERGY = 1e-11  # strain energy of a rigid motion relative to the same motion of `stiffness_scale`
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,6 +60,12 @@ class _Problem:
     basis: Any
     candidates: FloatArray | None
     labels: list[str]
+    scale: FloatArray | None = None  # (n,) diagonal that strain energies compare with; None: the stiffness' own
+    sprung: FloatArray | None = None  # (n, k) rigid motions of components that compliant connections are known to resist
+
+    @property
+    def diagonal(self) -> FloatArray:
+        return np.asarray(abs(self.stiffness.diagonal()) if self.scale is None else self.scale)
 
 
 Modal: TypeAlias = System | Component | FiniteElementModel
@@ -77,6 +84,9 @@ def normal_modes(model: Modal, *, max_frequency_hz: float | None = None, n_modes
     problem = _problem(model)
     n = problem.stiffness.shape[0]
     rigid = _rigid_motions(problem)
+    few = n_modes is not None and n_modes <= n // 3
+    if n > DENSE_MAXIMUM and not few and max_frequency_hz is None:
+        raise InputError(f"all modes of a model of {n} coordinates do not fit; give n_modes up to {n // 3} or max_frequency_hz")
     if n <= DENSE_LIMIT or (n_modes is None and max_frequency_hz is None) or (n_modes or 0) > n // 3:
         found = dense_eigenpairs(problem.stiffness, problem.mass, rigid)
     else:
@@ -122,19 +132,22 @@ def _(model: FiniteElementModel) -> _Problem:
 @_problem.register
 def _(model: Component) -> _Problem:
     candidates = None if model.nodes is None else component_rigid_body(model, about=model.nodes.positions.mean(axis=0))
-    return _Problem(model.stiffness, model.mass, None, candidates, [f"{n}.{d}" for n, d in model.dofs.pairs])
+    labels = [f"{n}.{d}" for n, d in model.dofs.pairs]
+    return _Problem(model.stiffness, model.mass, None, candidates, labels, stiffness_scale(model))
 
 
 @_problem.register
 def _(model: System) -> _Problem:
     stiffness = sp.csr_array(model.basis.T @ model.uncoupled_stiffness @ model.basis)
     mass = sp.csr_array(model.basis.T @ model.uncoupled_mass @ model.basis)
-    candidates = _free_motions(model)[model.kept] if model.has_geometry else None
-    return _Problem(stiffness, mass, model.basis, candidates, model.labels)
+    free, sprung = (m[model.kept] for m in _free_motions(model)) if model.has_geometry else (None, None)
+    scale = (model.basis**2).T @ np.concatenate([stiffness_scale(c) for c in model.components])
+    return _Problem(stiffness, mass, model.basis, free, model.labels, scale, sprung)
 
 
-def _free_motions(system: System) -> FloatArray:
-    """Rigid motions of the components that the constraints admit, (n, k): whole-body motion, floating parts, hinges.
+def _free_motions(system: System) -> tuple[FloatArray, FloatArray]:
+    """Rigid motions of the components that the constraints admit: free ones (whole body, floating parts, hinges) (n, k),
+    and those that compliant connections resist (n, l), however softly.
 
     Combinations W c of the components' rigid-body vectors with B W c = 0, found by rank of the small Gram matrix.
     """
@@ -146,12 +159,18 @@ def _free_motions(system: System) -> FloatArray:
         size = np.linalg.norm(vectors, axis=0)
         blocks.append(sp.csr_array(vectors / np.where(size > 0, size, 1.0)))
     motions = sp.block_diag(blocks, format="csr")
-    if not system.n_constraints:
-        return dense(motions)
-    gap = dense(system.constraints @ motions)
+    admitted = np.asarray(motions @ _kernel(dense(system.constraints @ motions))[0])
+    free, resisted = _kernel(system.springs @ admitted)
+    return admitted @ free, admitted @ resisted
+
+
+def _kernel(gap: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Combinations (columns) that the rows (m, k) map to zero, and those that they do not."""
+    if not gap.shape[0]:
+        return np.eye(gap.shape[1]), np.zeros((gap.shape[1], 0))
     values, vectors = la.eigh(gap.T @ gap)
-    free = values <= 1e-12 * max(values.max(), 1.0)
-    return np.asarray(motions @ vectors[:, free])
+    free = values <= 1e-12 * max(values.max(initial=0.0), 1.0)
+    return vectors[:, free], vectors[:, ~free]
 
 
 def _rigid_motions(problem: _Problem) -> FloatArray:
@@ -165,7 +184,8 @@ def _rigid_motions(problem: _Problem) -> FloatArray:
         return geometric if problem.candidates is not None else _lowest_energy(problem.stiffness, problem.mass)
     null = split_semidefinite(dense(problem.stiffness)).null
     null = la.orth(null) if null.shape[1] else null
-    rest = null - geometric @ (geometric.T @ null)
+    known = geometric if problem.sprung is None else la.orth(np.hstack([geometric, problem.sprung]))
+    rest = null - known @ (known.T @ null)
     return np.hstack([geometric, la.orth(rest, rcond=1e-3) if (np.linalg.norm(rest, axis=0) > 1e-3).any() else rest[:, :0]])
 
 
@@ -175,7 +195,7 @@ def _geometric_motions(problem: _Problem) -> FloatArray:
         return np.zeros((k.shape[0], 0))
     basis = la.orth(candidates)
     energy = basis.T @ (k @ basis)
-    local = basis.T @ (k.diagonal()[:, None] * basis)
+    local = basis.T @ (problem.diagonal[:, None] * basis)
     ratio, combination = la.eigh(energy, local + _floor(local))
     rigid = abs(ratio) <= ZERO_ENERGY
     return np.asarray(la.orth(basis @ combination[:, rigid])) if rigid.any() else basis[:, :0]

@@ -19,6 +19,11 @@ GROUND = "ground"
 OFFSETS = ("rigid", "ignore", "forbid")
 
 
+def is_dof_pair(pair: object) -> bool:
+    """True for ((node, direction), (node, direction))."""
+    return isinstance(pair, (tuple, list)) and len(pair) == 2 and any(isinstance(side, (tuple, list)) for side in pair)
+
+
 @dataclass(frozen=True, eq=False)
 class Connection:
     """Ties nodes of component `a` to nodes of component `b` (equations 6-7: p_a - p_b = 0, direction by direction).
@@ -29,7 +34,8 @@ class Connection:
     offset: for nodes that do not coincide: "rigid" (rigid link, u_b = u_a + theta_a x r), "ignore" (coordinates are
       equated as they are) or "forbid" (an error).
     nodes: for "by position", the nodes of `a` that must match; without it one side must match completely.
-    stiffness, damping: None is rigid; a number, one value a direction, or a square matrix makes it compliant (N/m, N m/rad).
+    stiffness, damping: None is rigid; a number, one value a direction (or a pair of coordinates), or a square matrix makes
+      it compliant (N/m, N m/rad).
     The constraint's multiplier is the force that a exerts on b.
     """
 
@@ -49,24 +55,37 @@ class Connection:
         if self.b is None:
             object.__setattr__(self, "b", GROUND)
         object.__setattr__(self, "name", check_name(self.name or f"{self.a}-{self.b}", "connection"))
-        try:
-            n = len(expand_directions(self.directions))
-        except ValueError as error:
-            raise CouplingError(f"connection {self.name!r}: {error}") from None
+        self._check_directions()
         if self.a == GROUND:
             raise CouplingError(f"connection {self.name!r}: name the component first and 'ground' second")
         if isinstance(self.pairs, str) and self.pairs != "by position":
             raise CouplingError(f"connection {self.name!r}: pairs must be node pairs or 'by position', got {self.pairs!r}")
         if isinstance(self.pairs, str) and self.b == GROUND:
             raise CouplingError(f"connection {self.name!r}: list the nodes to ground, for example pairs=[101, 102]")
+        if not isinstance(self.pairs, (str, Sequence, np.ndarray)):
+            raise CouplingError(f"connection {self.name!r}: pairs must be a list, got {type(self.pairs).__name__}")
         if not isinstance(self.pairs, str) and not len(self.pairs):
             raise CouplingError(f"connection {self.name!r}: no pairs; give node pairs or 'by position'")
         if self.offset not in OFFSETS:
             raise CouplingError(f"connection {self.name!r}: offset {self.offset!r} is not one of {OFFSETS}")
+        if self.tolerance is not None and not (np.isfinite(self.tolerance) and self.tolerance >= 0):
+            raise CouplingError(f"connection {self.name!r}: tolerance {self.tolerance} must be a length >= 0")
         self._check_frame()
+        n = len(self.pairs) if self.by_coordinate else len(expand_directions(self.directions))
         for kind in ("stiffness", "damping"):
             if getattr(self, kind) is not None:
                 object.__setattr__(self, kind, self._square(kind, n))
+
+    def _check_directions(self) -> None:
+        try:
+            directions = expand_directions(self.directions)
+        except (TypeError, ValueError) as error:
+            raise CouplingError(f"connection {self.name!r}: {error}") from None
+        if 0 in directions:
+            raise CouplingError(
+                f"connection {self.name!r}: directions {self.directions!r}: nodes couple in 1-6; couple scalar coordinates as "
+                "pairs ((node, 0), (node, 0))"
+            )
 
     def _check_frame(self) -> None:
         if not isinstance(self.frame, str):
@@ -77,14 +96,23 @@ class Connection:
             )
 
     def _square(self, kind: str, n: int) -> FloatArray:
-        given = np.asarray(getattr(self, kind), dtype=float)
-        out = given if given.ndim == 2 else np.diag(np.broadcast_to(given, (n,)) if given.size in (1, n) else given)
+        try:
+            given = np.asarray(getattr(self, kind), dtype=float)
+        except (TypeError, ValueError) as error:
+            raise CouplingError(f"connection {self.name!r}: {kind} is not numeric ({error})") from None
+        spread = given.ndim < 2 and given.size in (1, n)
+        out = np.diag(np.broadcast_to(given, (n,))) if spread else given
         if out.shape != (n, n) or not np.isfinite(out).all() or abs(out - out.T).max() > 1e-9 * abs(out).max():
             raise CouplingError(
                 f"connection {self.name!r}: {kind} must be a number, {n} numbers or a symmetric ({n}, {n}) matrix "
-                f"for directions {self.directions!r}, got shape {given.shape}"
+                f"({n} coupled coordinates a pair of nodes), got {'values that are not' if out.shape == (n, n) else given.shape}"
             )
         return np.asarray(frozen(out))
+
+    @property
+    def by_coordinate(self) -> bool:
+        """True where pairs are single coordinates, ((node, direction), (node, direction))."""
+        return not isinstance(self.pairs, str) and self.b != GROUND and all(is_dof_pair(p) for p in self.pairs)
 
     @property
     def rigid(self) -> bool:

@@ -9,7 +9,7 @@ from typing import TypeAlias
 import numpy as np
 
 from flexplant.assembly.connection import GROUND, Connection
-from flexplant.assembly.matching import DofPair, default_tolerance, find_component, is_dof_pair, node_pairs
+from flexplant.assembly.matching import DofPair, default_tolerance, find_component, node_pairs
 from flexplant.errors import CouplingError, ModelError
 from flexplant.model.arrays import FloatArray
 from flexplant.model.component import Component
@@ -67,7 +67,7 @@ def resolve(connection: Connection, components: Mapping[str, Component], placeme
     for name in (connection.a, connection.b):
         if name != GROUND:
             find_component(name, components, owner)
-    if not isinstance(connection.pairs, str) and all(is_dof_pair(p) for p in connection.pairs) and connection.b != GROUND:
+    if connection.by_coordinate:
         return Resolved(connection, [], [_coordinate_row(connection, p, components) for p in connection.pairs])
     pairs = node_pairs(connection, components, placements)
     rows: list[Row] = []
@@ -86,11 +86,12 @@ def _arm(connection: Connection, a: _Side, b: _Side | None) -> FloatArray:
     if b is None or a.position is None or b.position is None:
         return np.zeros(3)
     arm = b.position - a.position
-    tolerance = connection.tolerance if connection.tolerance is not None else default_tolerance(a.component, b.component)
+    same = default_tolerance(a.component, b.component)  # a wider tolerance finds partners; the gap stays a gap
+    tolerance = same if connection.tolerance is None else max(same, connection.tolerance)
     distance = float(np.linalg.norm(arm))
-    if distance <= tolerance:
+    if distance <= same:
         return np.zeros(3)
-    if connection.offset == "forbid":
+    if connection.offset == "forbid" and distance > tolerance:
         raise CouplingError(
             f"connection {connection.name!r}: {a.component.name}.{a.node} and {b.component.name}.{b.node} are {distance:.4g} "
             f"apart (tolerance {tolerance:.3g}); correct the placement, or use offset='rigid' or 'ignore'"
@@ -127,6 +128,7 @@ def _rows_of_pair(connection: Connection, a: _Side, b: _Side | None, arm: FloatA
         if b is not None and turn_b is not None:
             for key, value in _terms(b, turn_b[axis], rotation, -1.0).items():
                 terms[key] = terms.get(key, 0.0) + value
+        _refuse_self(connection, terms, a.node)
         label = f"{connection.name}.{a.node}.{direction}"
         geometric = connection.offset == "rigid" or not arm.any()
         yield Row(label, str(connection.name), _existing(connection, terms, (a, b)), b is None, geometric)
@@ -144,7 +146,8 @@ def _existing(connection: Connection, terms: Terms, sides: tuple[_Side, _Side | 
             here = "".join(str(d) for n, d in side.component.boundary.pairs if n == node)
             raise CouplingError(
                 f"connection {connection.name!r}: {name}.{node} has no boundary DOF in direction {direction} (it has {here}); "
-                f"name the directions to couple with directions={here!r}, or check frames and offsets that need the missing one"
+                f"name the directions to couple with directions={here!r}, or check the frames; a gap needs rotations for its "
+                "rigid link, or offset='ignore'"
             )
     return terms
 
@@ -161,8 +164,14 @@ def _coordinate_row(connection: Connection, pair: DofPair, components: Mapping[s
         except ModelError as error:
             raise CouplingError(f"connection {connection.name!r}: {error}") from None
         terms[(name, node, direction)] = terms.get((name, node, direction), 0.0) + sign
+    _refuse_self(connection, terms, pair[0][0])
     (node_a, direction_a) = pair[0]
-    return Row(f"{connection.name}.{node_a}.{direction_a}", str(connection.name), terms)
+    return Row(f"{connection.name}.{node_a}.{direction_a}", str(connection.name), terms, geometric=connection.offset == "rigid")
+
+
+def _refuse_self(connection: Connection, terms: Terms, node: int) -> None:
+    if not any(terms.values()):
+        raise CouplingError(f"connection {connection.name!r} ties node {node} of {connection.a!r} to itself; remove that pair")
 
 
 def duplicates(rows: list[Row]) -> list[tuple[Row, Row]]:
@@ -170,10 +179,9 @@ def duplicates(rows: list[Row]) -> list[tuple[Row, Row]]:
     seen: dict[tuple[tuple[tuple[str, int, int], float], ...], Row] = {}
     out = []
     for row in rows:
-        if not row.terms:
-            continue
-        first = row.terms[min(row.terms)]
-        key = tuple(sorted((k, round(v / first, 9)) for k, v in row.terms.items()))
+        terms = {k: v for k, v in row.terms.items() if v}
+        first = terms[min(terms)]
+        key = tuple(sorted((k, round(v / first, 9)) for k, v in terms.items()))
         if key in seen:
             out.append((seen[key], row))
         seen.setdefault(key, row)

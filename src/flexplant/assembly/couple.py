@@ -46,6 +46,8 @@ def couple(
     for name in placements:
         if name not in by_name:
             raise CouplingError(f"placements: no component is called {name!r}." + nearest(name, by_name))
+        if not isinstance(placements[name], Placement):
+            raise CouplingError(f"placements: {name!r} needs a Placement, got {type(placements[name]).__name__}")
     _check_units(parts)
     resolved = [resolve(c, by_name, placements) for c in _distinct(connections)]
     ends = list(accumulate(c.n for c in parts))
@@ -71,6 +73,7 @@ def couple(
         redundant=tuple(labels[i] for i in solved.redundant),
         basis=solved.basis,
         kept=solved.kept,
+        springs=_spring_rows(resolved, offsets, by_name),
         grounded=any(r.connection.b == GROUND for r in resolved),
     )
 
@@ -79,7 +82,10 @@ def _named(components: Sequence[Component] | Mapping[str, Component]) -> tuple[C
     if isinstance(components, Component):
         components = [components]
     if isinstance(components, Mapping):
-        components = [replace(c, name=check_name(name, "component")) for name, c in components.items()]
+        components = [_copy(c, name) for name, c in components.items()]
+    for item in components:
+        if not isinstance(item, Component):
+            raise CouplingError(f"couple takes Components, got {type(item).__name__}; reduce a model first, with craig_bampton")
     names = [c.name for c in components]
     if not names:
         raise CouplingError("couple needs at least one component")
@@ -91,6 +97,10 @@ def _named(components: Sequence[Component] | Mapping[str, Component]) -> tuple[C
     if GROUND in names:
         raise CouplingError("a component must not be called 'ground': that name clamps nodes")
     return tuple(components)
+
+
+def _copy(component: Component, name: str) -> Component:
+    return replace(component, name=check_name(name, "component")) if isinstance(component, Component) else component
 
 
 def _check_units(parts: Sequence[Component]) -> None:
@@ -160,6 +170,18 @@ def _damping(component: Component) -> Any:
 def _block(matrices: Sequence[Any]) -> sp.csr_array:
     sparse: dict[int, Any] = {id(m): sp.coo_array(m) for m in {id(m): m for m in matrices}.values()}
     return sp.csr_array(sp.block_diag([sparse[id(m)] for m in matrices], format="csr"))
+
+
+def _spring_rows(resolved: Sequence[Resolved], offsets: Offsets, by_name: ByName) -> sp.csr_array:
+    """Rows of the relative motions that compliant connections resist: orthonormal in the range of each stiffness."""
+    rows = [sp.csr_array((0, sum(c.n for c in by_name.values())))]
+    for r in resolved:
+        if r.connection.stiffness is not None:
+            values, vectors = np.linalg.eigh(np.asarray(r.connection.stiffness))
+            resisted = vectors[:, abs(values) > 1e-12 * abs(values).max(initial=0.0)].T
+            count = len(r.rows) // values.size
+            rows.append(sp.kron(sp.eye_array(count), resisted) @ _matrix(r.rows, offsets, by_name))
+    return sp.csr_array(sp.vstack(rows))
 
 
 def _compliance(

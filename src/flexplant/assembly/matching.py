@@ -49,17 +49,16 @@ def node_pairs(connection: Connection, components: Mapping[str, Component], plac
     return out
 
 
-def is_dof_pair(pair: object) -> bool:
-    """True for ((node, direction), (node, direction))."""
-    return isinstance(pair, (tuple, list)) and len(pair) == 2 and any(isinstance(side, (tuple, list)) for side in pair)
-
-
 def _node_pair(connection: Connection, pair: object) -> Pair:
     if connection.b == GROUND:
-        node = pair[0] if isinstance(pair, (tuple, list)) else pair
+        node = pair[0] if isinstance(pair, (tuple, list)) and tuple(pair[1:]) in ((), (None,)) else pair
         if isinstance(node, (int, np.integer)):
             return int(node), None
-    elif isinstance(pair, (tuple, list, np.ndarray)) and len(pair) == 2 and all(isinstance(n, (int, np.integer)) for n in pair):
+        raise CouplingError(
+            f"connection {connection.name!r}: {pair!r} is not a node to ground; list node ids and name directions, for example "
+            "pairs=[101, 102], directions='123'"
+        )
+    if isinstance(pair, (tuple, list, np.ndarray)) and len(pair) == 2 and all(isinstance(n, (int, np.integer)) for n in pair):
         return int(pair[0]), int(pair[1])
     raise CouplingError(f"connection {connection.name!r}: {pair!r} is not a pair of node ids such as (101, 201)")
 
@@ -89,8 +88,6 @@ def by_position(
     ids_a, at_a = _positions(a, placements.get(a.name, Placement()), owner, connection.nodes)
     ids_b, at_b = _positions(b, placements.get(b.name, Placement()), owner)
     tolerance = default_tolerance(a, b) if connection.tolerance is None else float(connection.tolerance)
-    if not (tolerance >= 0 and np.isfinite(tolerance)):
-        raise CouplingError(f"{owner}: tolerance {tolerance} must be a length >= 0")
     near = cKDTree(at_b).query_ball_point(at_a, tolerance) if len(ids_b) and len(ids_a) else []
     pairs = [(ids_a[i], ids_b[j]) for i, js in enumerate(near) for j in js]
     _refuse_ambiguous(owner, pairs, a.name, b.name, tolerance)

@@ -31,7 +31,8 @@ class System:
 
     components; placements by name; connections: resolved, with rows and gaps; offsets: slice into p by component name;
     constraints: B (m, n) independent rows; constraint_labels: m names; redundant: names of rows left out because they
-    follow from the others; basis: L (n, r); uncoupled_*: (n, n) block diagonal plus compliant connections.
+    follow from the others; basis: L (n, r); uncoupled_*: (n, n) block diagonal plus compliant connections;
+    springs: rows (k, n) of the relative motions that compliant connections resist, whatever their stiffness.
     Source: de Klerk, Rixen and Voormeeren 2008.
     """
 
@@ -48,6 +49,7 @@ class System:
     redundant: tuple[str, ...]
     basis: sp.csr_array
     kept: IntArray
+    springs: sp.csr_array
     grounded: bool = False
 
     def __post_init__(self) -> None:
@@ -155,6 +157,18 @@ def component_rigid_body(
     if component.nodes is None:
         raise InputError(f"component {component.name!r} has no node positions, so its rigid-body motion is unknown")
     return rigid_body_vectors(component.nodes, component.dofs, about=about, placement=placement)
+
+
+def stiffness_scale(component: Component) -> FloatArray:
+    """(n,) diagonal against which the strain energy of a rigid motion of the component is small or not.
+
+    The stiffness' own diagonal, plus the mass' times ten typical modal w^2: behind a statically determinate interface (one
+    node) the boundary stiffness is nothing but the round-off of its condensation, and no scale for itself.
+    """
+    modal = (2 * np.pi * component.fixed_interface_hz) ** 2
+    modal = modal[np.isfinite(modal)]
+    typical = float(np.median(modal)) if modal.size else 0.0
+    return np.asarray(abs(component.stiffness.diagonal()) + 10 * typical * abs(component.mass.diagonal()))
 
 
 def system_rigid_body(system: System, about: npt.ArrayLike = (0, 0, 0)) -> FloatArray:

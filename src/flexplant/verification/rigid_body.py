@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from flexplant.assembly import System, component_rigid_body
+from flexplant.assembly import System, component_rigid_body, stiffness_scale
 from flexplant.model.arrays import FloatArray
 from flexplant.model.component import Component
 from flexplant.model.geometry import Placement
@@ -18,8 +18,8 @@ DIRECTION_NAMES = ("Tx", "Ty", "Tz", "Rx", "Ry", "Rz")
 class StrainEnergy:
     """Strain energy of unit rigid motions of one component.
 
-    energy: (6,) r^T K r / 2, J (rotations about the component's mean node). ratio: (6,) relative to the same motion of the
-    stiffness' diagonal: 0 for a free component, 1e-6 and more for one that is grounded or whose frames or positions are
+    energy: (6,) r^T K r / 2, J (rotations about the component's mean node). ratio: (6,) relative to the same motion of
+    `stiffness_scale`: 0 for a free component, 1e-6 and more for one that is grounded or whose frames or positions are
     wrong. worst_dof: per direction, the (node, direction) with the largest residual force K r; force: that force.
     """
 
@@ -49,7 +49,7 @@ def strain_energy(component: Component, placement: Placement | None = None) -> S
     motion = component_rigid_body(component, place, about)
     force = np.asarray(component.stiffness @ motion)
     energy = np.einsum("ij,ij->j", motion, force)
-    local = np.einsum("ij,ij->j", motion, component.stiffness.diagonal()[:, None] * motion)
+    local = np.einsum("ij,ij->j", motion, stiffness_scale(component)[:, None] * motion)
     at = np.argmax(abs(force), axis=0) if component.n else np.zeros(6, int)
     pairs = component.dofs.pairs
     ratio = np.divide(abs(energy), local, out=np.zeros(6), where=local > 0)
