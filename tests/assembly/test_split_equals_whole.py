@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 import pytest
 import scipy.linalg as la
@@ -129,7 +131,7 @@ def test_copies_of_one_component_make_a_chain():
     bay = whole_component(frame_model("bay", {1: np.zeros(3), 2: np.array([0.5, 0, 0])}, [(1, 2)], masses={2: 0.3}))
     names = ["b1", "b2", "b3", "b4"]
     places = {n: Placement(np.eye(3), [0.5 * i, 0, 0]) for i, n in enumerate(names)}
-    joints = [Connection(a, b, [(2, 1)]) for a, b in zip(names, names[1:], strict=False)]
+    joints = [Connection(a, b, [(2, 1)]) for a, b in itertools.pairwise(names)]
     system = couple(dict.fromkeys(names, bay), joints, method="primal", placements=places)
     line = {i: np.array([0.5 * (i - 1), 0, 0]) for i in range(1, 6)}
     whole = frame_model("line", line, [(i, i + 1) for i in range(1, 5)], masses=dict.fromkeys(range(2, 6), 0.3))
