@@ -26,7 +26,8 @@ class Tones:
 
     def __post_init__(self) -> None:
         hz = frozen(np.atleast_1d(self.frequency_hz))
-        amplitude = frozen(self.amplitude, np.complex128)
+        amplitude = np.array(self.amplitude, dtype=np.complex128)
+        amplitude.setflags(write=False)
         object.__setattr__(self, "frequency_hz", hz)
         object.__setattr__(self, "amplitude", amplitude)
         object.__setattr__(self, "inputs", tuple(self.inputs))

@@ -61,8 +61,8 @@ class Diagram:
 
     @property
     def dt(self) -> float | None:
-        """Sample time of all blocks in seconds, or None in continuous time."""
-        return sample_time(next(iter(self.blocks.values())))
+        """Sample time of the blocks in seconds, or None in continuous time (and where no block has states)."""
+        return next(iter(_sample_times(self.blocks).values()), None)
 
     @cached_property
     def feedthrough(self) -> FloatArray:
@@ -76,9 +76,10 @@ class Diagram:
         return [[names[k] for k in stage] for stage in block_stages(self.wiring, len(names))]
 
 
-def sample_time(block: LinearBlock) -> float | None:
-    """Seconds, or None for a block in continuous time."""
-    return block.dt if isinstance(block, StateSpace) else None
+def _sample_times(blocks: Mapping[str, LinearBlock]) -> dict[str, float | None]:
+    """Seconds, or None for continuous time, of each block that has a time of its own: a static gain fits any."""
+    times = {name: b.dt if isinstance(b, StateSpace) else None for name, b in blocks.items()}
+    return {k: dt for k, dt in times.items() if dt is not None or isinstance(b := blocks[k], ModalPlant) or b.n_states}
 
 
 def block_diagonal(matrices: Sequence[FloatArray]) -> FloatArray:
@@ -98,7 +99,7 @@ def _check_blocks(blocks: Mapping[str, LinearBlock]) -> None:
             raise DiagramError(f"block name {name!r}: use a non-empty text without dots, ports are written 'block.port'")
         if not isinstance(block, StateSpace | ModalPlant):
             raise DiagramError(f"block {name!r} is a {type(block).__name__}; use a StateSpace or a ModalPlant (see state_space)")
-    rates = {name: sample_time(b) for name, b in blocks.items()}
+    rates = _sample_times(blocks)
     if len(set(rates.values())) > 1:
         each = ", ".join(f"{name}: {'continuous' if dt is None else f'{dt} s'}" for name, dt in rates.items())
         raise DiagramError(f"mixed sample times ({each}) are not supported yet; discretize all blocks at one dt, or none")

@@ -68,6 +68,7 @@ class LoopFigures:
     peak_hz, peak: largest closed-loop magnitude. bandwidth_hz: last crossing of half power (-3 dB) by the closed loop.
     rejection_hz: first one by the output sensitivity, which stays below up to there. crossover_hz: |L| = 1.
     phase_margin_deg: 180 + phase of L there, the smallest of several.
+    NaN where a curve does not cross half power.
     """
 
     axis: str
@@ -102,8 +103,12 @@ def _axis_figures(los: LineOfSight, k: int, axis: str) -> LoopFigures:
         axis=axis,
         peak_hz=peak_hz,
         peak=peak,
-        bandwidth_hz=float(level_crossings(T, f"angle_{axis}", f"command_{axis}", HALF_POWER, band)[-1]),
-        rejection_hz=float(level_crossings(S, f"spot_{axis}", f"displacement_{axis}", HALF_POWER, band)[0]),
+        bandwidth_hz=_at(level_crossings(T, f"angle_{axis}", f"command_{axis}", HALF_POWER, band), -1),
+        rejection_hz=_at(level_crossings(S, f"spot_{axis}", f"displacement_{axis}", HALF_POWER, band), 0),
         crossover_hz=float(crossover[-1]),
         phase_margin_deg=float(margins[np.argmin(abs(margins))]),
     )
+
+
+def _at(values: FloatArray, k: int) -> float:
+    return float(values[k]) if values.size else float("nan")

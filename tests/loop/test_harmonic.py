@@ -1,0 +1,81 @@
+"""Harmonic steady state and the sweep over wheel speeds."""
+
+import numpy as np
+import pytest
+
+from flexplant.blocks.tones import Tones, rms
+from flexplant.blocks.wheel import Wheel, wheel_tones
+from flexplant.errors import InputError
+from flexplant.loop.cascade import cascade_of
+from flexplant.loop.close import close
+from flexplant.loop.harmonic import harmonic_response, wheel_speed_sweep
+from flexplant.loop.line_of_sight import closed_loop_transfer, line_of_sight_diagram, output_sensitivity
+from flexplant.loop.steady import input_amplitudes, output_amplitudes, steady_states
+from flexplant.plant.modal import ModalPlant
+from flexplant.response.frequency import frequency_response
+
+
+def test_one_mode_in_closed_form():
+    omega, zeta, hz = 30.0, 0.02, np.array([1.0, 4.0, 20.0])
+    plant = ModalPlant(omega=[omega], zeta=zeta, shape_in=[[2.0]], shape_out=[[0.5]], inputs=["f"], outputs=["x"])
+    w = 2 * np.pi * hz
+    response = harmonic_response(plant, Tones(frequency_hz=hz, amplitude=[[1.0, 1j, -3.0]], inputs=["f"]))
+    assert response.dims == ("output", "frequency")
+    assert response.values[0] == pytest.approx(
+        np.array([1.0, 1j, -3.0]) / (omega**2 - w**2 + 2j * zeta * omega * w), rel=1e-12, abs=0
+    )
+
+
+@pytest.mark.parametrize("closed", [True, False])
+def test_transfer_function_route_equals_state_route(published, plant, wheel, closed):
+    diagram, tones = line_of_sight_diagram(published, plant, closed=closed), wheel_tones(wheel, 56.4)
+    cascade = cascade_of(diagram)
+    amplitude = input_amplitudes(tones, list(diagram.inputs))
+    states = steady_states(cascade, tones.frequency_hz, amplitude)
+    by_states = output_amplitudes(cascade, states, amplitude)
+    assert harmonic_response(diagram, tones).values == pytest.approx(by_states, rel=1e-9, abs=0)
+    assert harmonic_response(close(diagram), tones).values == pytest.approx(by_states, rel=1e-9, abs=0)
+
+
+def test_sweep_is_the_harmonic_response_at_each_speed(published, plant, wheel):
+    systems = {"open": line_of_sight_diagram(published, plant, closed=False), "closed": line_of_sight_diagram(published, plant)}
+    speeds = np.array([5.0, 20.0, 56.4, 10.0])
+    sweep = wheel_speed_sweep(systems, wheel, speeds)
+    assert sweep.rms.dims == ("case", "output", "omega_hz")
+    assert list(sweep.harmonic.values) == [1.0, 2.0, 3.0]
+    for case, system in systems.items():
+        for speed in speeds:
+            amplitude = harmonic_response(system, wheel_tones(wheel, speed)).values
+            point = sweep.sel(case=case, omega_hz=speed)
+            assert point.amplitude.values == pytest.approx(amplitude, rel=1e-10, abs=0)
+            tones = Tones(frequency_hz=wheel_tones(wheel, speed).frequency_hz, amplitude=amplitude, inputs=["x", "y"])
+            assert point.rms.values == pytest.approx(rms(tones), rel=1e-10, abs=0)
+
+
+def test_closed_over_open_is_the_sensitivity(published, plant, wheel):
+    systems = {"open": line_of_sight_diagram(published, plant, closed=False), "closed": line_of_sight_diagram(published, plant)}
+    speeds = np.linspace(3, 120, 40)
+    sweep = wheel_speed_sweep(systems, wheel, speeds)
+    ratio = sweep.amplitude.sel(case="closed", output="spot_x") / sweep.amplitude.sel(case="open", output="spot_x")
+    S = frequency_response(output_sensitivity(published), np.outer([1, 2, 3], speeds).ravel()).values[0, 0].reshape(3, -1)
+    assert ratio.values == pytest.approx(S, rel=1e-8, abs=0)
+
+
+def test_a_turned_wheel_drives_other_axes():
+    """A wheel whose axis 1 is the plant's axis 2 shakes input 2."""
+    inputs = [f"f{k}" for k in range(6)]
+    plant = ModalPlant(
+        omega=np.arange(1, 7) * 50.0, zeta=0.01, shape_in=np.eye(6), shape_out=np.eye(6), inputs=inputs, outputs=inputs
+    )
+    turn = np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]])
+    sweep = wheel_speed_sweep(plant, Wheel(amplitude=[1, 0, 0, 0, 0, 0], harmonics=[1], rotation=turn, inputs=inputs), [3.0])
+    assert np.flatnonzero(sweep.rms.values[:, 0] > 1e-12).tolist() == [1]
+
+
+def test_errors(published, plant, wheel):
+    with pytest.raises(InputError, match="positive speeds"):
+        wheel_speed_sweep(plant, wheel, [0.0, 1.0])
+    with pytest.raises(InputError, match=r"no input 'bus\.9001\.1'"):
+        wheel_speed_sweep(closed_loop_transfer(published), wheel, [1.0])
+    with pytest.raises(InputError, match="same outputs"):
+        wheel_speed_sweep({"a": plant, "b": line_of_sight_diagram(published, plant)}, wheel, [1.0])
