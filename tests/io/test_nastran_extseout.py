@@ -85,7 +85,8 @@ def test_recovery_labels(component: Component) -> None:
     if component.name == "outboard":
         assert labels[36:] == ["1995002.0", *[f"1995002.{i}" for i in range(2, 7)]]
         scalar = component.recovery["mug1"].displacement[36]
-        assert np.flatnonzero(scalar).tolist() == [24 + 1] and scalar[25] == 1.0
+        assert np.flatnonzero(scalar).tolist() == [24 + 1]
+        assert scalar[25] == 1.0
     else:
         assert component.recovery["mes1"].displacement.shape == (27, 32)
         assert component.recovery["mes1"].labels[-1] == "CBAR.89.9"
@@ -198,7 +199,7 @@ def test_missing_coordinate_system(copied) -> None:
 def test_no_files_beside(copied) -> None:
     (copied / "inboard.pch").unlink()
     (copied / "inboard.asm").unlink()
-    with pytest.raises(ReadError, match="neither .pch nor .asm"):
+    with pytest.raises(ReadError, match=r"neither \.pch nor .asm"):
         read_component(copied / "inboard.op4", format="nastran_extseout")
 
 

@@ -128,7 +128,9 @@ def test_a_null_matrix_of_many_rows_stays_sparse(tmp_path) -> None:
     path = tmp_path / "null.op4"
     path.write_bytes(record(body) + record(struct.pack("<3id", 10**8 + 1, 1, 2, 1.0)))
     matrix = read_op4(path)["NULL"]
-    assert sp.issparse(matrix) and matrix.nnz == 0 and matrix.shape == (10**8, 10**8)
+    assert sp.issparse(matrix)
+    assert matrix.nnz == 0
+    assert matrix.shape == (10**8, 10**8)
 
 
 @pytest.mark.parametrize("keep", [0, 3, 4, 20, 31, 40, 100, 1000, 20000, -1, -5])

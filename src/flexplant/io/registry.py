@@ -13,11 +13,13 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 import flexplant.io.read
 from flexplant.errors import InputError, ModelError, ReadError, nearest
 from flexplant.io.formats import Format
 from flexplant.io.parse.display import DisplayMesh
-from flexplant.io.parse.files import checked_file, read_head
+from flexplant.io.parse.files import checked_file, exists, read_head
 from flexplant.model.component import Component, FiniteElementModel
 from flexplant.model.damping import DampingRatio, with_modal_damping
 from flexplant.model.units import UnitSystem, component_to_si, model_to_si, unit_system
@@ -37,7 +39,7 @@ def formats() -> dict[str, Format]:
 def _resolved(path: str | Path, able: list[Format]) -> Path:
     """The path; or, for a stem without ending such as "outboard", the one file beside it with an ending of these formats."""
     path = Path(path)
-    if path.name and not path.exists():
+    if path.name and not exists(path):
         endings = dict.fromkeys(ending for f in able for ending in f.suffixes)
         found = [p for p in (path.with_name(path.name + ending) for ending in endings) if p.is_file()]
         if len(found) > 1:
@@ -75,7 +77,10 @@ def _read(what: str, path: str | Path, wanted: str | None, options: dict[str, An
         if option not in known:
             raise InputError(f"format {found.name!r} has no option {option!r}." + nearest(option, known))
     try:
-        return reader(path, **options)
+        with np.errstate(
+            over="ignore", invalid="ignore"
+        ):  # absurd numbers of a corrupt file; the model refuses what is not finite
+            return reader(path, **options)
     except ModelError as error:
         raise ReadError(path, str(error)) from None
 

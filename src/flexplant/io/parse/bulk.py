@@ -5,6 +5,7 @@ Layout: MSC Nastran Quick Reference Guide, "Format of Bulk Data Entries". Counts
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -14,6 +15,7 @@ from flexplant.errors import ReadError
 from flexplant.io.parse.files import read_bytes
 
 LONGEST_THRU = 10**6
+LARGEST_REAL = 1e30  # no length or angle is larger
 SHORT_EXPONENT = re.compile(r"(?<=[\d.])([+-]\d+)$")  # 1.5-3 means 1.5e-3
 INCLUDE = re.compile(r"\s*INCLUDE\s*[ '\"]\s*([^'\"]+?)\s*['\"]?\s*$", re.IGNORECASE)
 
@@ -40,7 +42,7 @@ class Card:
         text = self.text(index)
         if not text and default is not None:
             return default
-        if not text.lstrip("+-").isdigit() or len(text) > 19:
+        if not text.lstrip("+-").isdigit() or len(text) > 18:
             raise self.fail(f"field {index + 2} is {text!r}; an integer is needed")
         return int(text)
 
@@ -48,9 +50,12 @@ class Card:
         """A real field, in any of Nastran's spellings (1.5-3, 1.D3)."""
         text = self.text(index)
         try:
-            return float(SHORT_EXPONENT.sub(r"e\1", text.lower().replace("d", "e"))) if text else default
+            value = float(SHORT_EXPONENT.sub(r"e\1", text.lower().replace("d", "e"))) if text else default
         except ValueError:
-            raise self.fail(f"field {index + 2} is {text!r}; a number is needed") from None
+            value = math.nan
+        if not abs(value) < LARGEST_REAL:
+            raise self.fail(f"field {index + 2} is {text!r}; a number is needed")
+        return value
 
     def ids(self, start: int = 0) -> list[int]:
         """The ids from a field on, "a THRU b" expanded; blanks skipped."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -55,6 +56,7 @@ BASIC = CoordinateSystem("R", np.zeros(3), np.eye(3))
 class Geometry:
     """Grids and coordinate systems of some cards, resolved on demand; the first card of an id counts."""
 
+    path: Path = Path()
     systems: dict[int, tuple[Card, int]] = field(default_factory=dict)
     grids: dict[int, Card] = field(default_factory=dict)
     scalars: list[int] = field(default_factory=list)
@@ -68,6 +70,7 @@ class Geometry:
         out = cls()
         scalars: dict[int, None] = {}
         for card in cards:
+            out.path = card.path
             if card.name == "GRID":
                 out.grids.setdefault(card.integer(0), card)
             elif card.name == "SPOINT":
@@ -93,9 +96,9 @@ class Geometry:
 
     def frame(self, grid: int) -> FloatArray:
         """(3, 3) displacement axes (rows) of a grid, from its field CD."""
-        card = self.grids[grid]
+        position, card = self.position(grid), self.grids[grid]
         number = card.integer(5, 0)
-        return np.eye(3) if number == -1 else self.system(number, card).frame_at(self.position(grid))
+        return np.eye(3) if number == -1 else self.system(number, card).frame_at(position)
 
     def system(self, number: int, owner: Card) -> CoordinateSystem:
         """A coordinate system by its number; ReadError if it is not defined or defined by itself."""
@@ -120,7 +123,7 @@ class Geometry:
         self._open.append(what)
 
     def _missing(self, what: str, owner: Card | None) -> ReadError:
-        return owner.fail(f"refers to {what}, which is not in the file") if owner else ReadError("", f"no {what}")
+        return owner.fail(f"refers to {what}, which is not in the file") if owner else ReadError(self.path, f"has no {what}")
 
     def nodes(self, ids: Iterable[int] | None = None) -> Nodes:
         """Positions and displacement frames of these grids (all of them if None), ascending."""

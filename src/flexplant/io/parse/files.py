@@ -14,19 +14,27 @@ HEAD_BYTES = 4096  # what a format's sniff function sees
 def checked_file(path: str | Path) -> Path:
     """The path of an existing, non-empty, readable file; ReadError otherwise."""
     path = Path(path)
-    try:
-        if path.is_dir():
-            raise ReadError(path, "this is a folder; give a file in it")
-        if not path.exists():
-            raise ReadError(path, "no such file" + _beside(path))
-        if path.stat().st_size == 0:
-            raise ReadError(path, "the file is empty")
-    except (OSError, ValueError) as error:  # a name too long, a NUL in it, no permission
-        raise ReadError(path, f"cannot be opened ({error})") from None
+    if not exists(path):
+        raise ReadError(path, "no such file" + _beside(path))
+    if path.is_dir():
+        raise ReadError(path, "this is a folder; give a file in it")
+    if path.stat().st_size == 0:
+        raise ReadError(path, "the file is empty")
     return path
 
 
+def exists(path: Path) -> bool:
+    """Whether there is something at this path; ReadError for a path that the system refuses to look up."""
+    try:
+        return path.exists()
+    except (OSError, ValueError) as error:  # a name too long, a NUL in it, no permission
+        shown = f"{str(path)[:60]}..." if len(str(path)) > 300 else path
+        raise ReadError(shown, f"cannot be looked up ({getattr(error, 'strerror', None) or error})") from None
+
+
 def _beside(path: Path) -> str:
+    if len(str(path)) > 300:
+        return ""
     if not path.parent.is_dir():
         return f"; the folder {path.parent} does not exist"
     same = sorted(p.name for p in path.parent.iterdir() if p.stem == path.stem)[:8]

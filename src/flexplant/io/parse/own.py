@@ -120,7 +120,7 @@ def _guarded(build: Callable[[dict[str, Any]], Built], arrays: Arrays, path: Pat
         return build(header)
     except KeyError as error:
         raise ReadError(path, f"has no {error} although it says it holds a {kind}") from None
-    except (ModelError, TypeError, ValueError, AttributeError, IndexError) as error:
+    except (ModelError, TypeError, ValueError, AttributeError, IndexError, OverflowError) as error:
         raise ReadError(path, str(error)) from None
 
 

@@ -51,7 +51,7 @@ def unpack_plant(arrays: Arrays, path: Path) -> Plant:
     }
     try:
         plant: Plant = cls(**given, **matrices)
-    except (ModelError, TypeError, ValueError, AttributeError) as error:
+    except (ModelError, TypeError, ValueError, AttributeError, OverflowError) as error:
         raise ReadError(path, str(error)) from None
     return plant
 

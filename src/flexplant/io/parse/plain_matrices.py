@@ -71,6 +71,8 @@ def _named(path: Path, matrices: Matrices, name: str, sidecar: Sidecar, *keys: s
     matrix = matrices[name]
     if matrix.dtype.kind not in "fiu":
         raise ReadError(path, f"is of type {matrix.dtype}; real numbers are needed", record=name)
+    if matrix.ndim != 2:
+        raise ReadError(path, f"has shape {matrix.shape}; a matrix is needed", record=name)
     return matrix
 
 
@@ -80,7 +82,7 @@ def _square(path: Path, matrices: Matrices, sidecar: Sidecar) -> dict[str, Matri
     if all(is_sparse(m) for m in found.values()) and max(m.nnz for m in found.values()) < n // 2:
         raise ReadError(path, f"claims {n} rows but holds numbers for fewer than half of them", record=sidecar.matrices["mass"])
     for kind, matrix in found.items():
-        if matrix.ndim != 2 or matrix.shape != (n, n):
+        if matrix.shape != (n, n):
             raise ReadError(path, f"{kind} has shape {matrix.shape}, mass {found['mass'].shape}", record=sidecar.matrices[kind])
     return found
 

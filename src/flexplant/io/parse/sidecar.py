@@ -17,6 +17,7 @@ surrogate: true
 
 from __future__ import annotations
 
+import operator
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -104,7 +105,7 @@ def read_sidecar(path: Path) -> Sidecar:
         dofs = _dofs(yaml, key)
         key = "nodes"
         nodes = _nodes(yaml)
-    except (ModelError, InputError, TypeError, ValueError) as error:
+    except (ModelError, InputError, TypeError, ValueError, OverflowError) as error:
         yaml.fail(f"{key}: {error}", key)
     return Sidecar(yaml, name, _matrices(yaml), boundary, dofs, nodes, _modal(yaml), _recovery(yaml), _display(yaml))
 
@@ -141,7 +142,7 @@ def _nodes(yaml: LinedYaml) -> Nodes | None:
         return None
     if not isinstance(given, list) or not all(isinstance(row, list) and len(row) == 4 for row in given):
         yaml.fail("nodes must be a list of [id, x, y, z]", "nodes")
-    ids = [int(row[0]) for row in given]
+    ids = [operator.index(row[0]) for row in given]
     positions = np.array([[float(v) for v in row[1:]] for row in given]).reshape(-1, 3)
     return Nodes(ids=np.array(ids, dtype=np.int64), positions=positions, frames=_frames(yaml, ids, positions))
 

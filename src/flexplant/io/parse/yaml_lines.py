@@ -41,6 +41,7 @@ def read_yaml(path: str | Path) -> LinedYaml:
     """A YAML mapping from a file; ReadError with the line for anything that is not YAML, or no mapping."""
     from ruamel.yaml import YAML
     from ruamel.yaml.error import YAMLError
+    from ruamel.yaml.events import AliasEvent
 
     path = Path(path)
     content = read_bytes(path)
@@ -48,8 +49,10 @@ def read_yaml(path: str | Path) -> LinedYaml:
         raise ReadError(path, f"is {len(content)} bytes long; more than {LARGEST_YAML} is no description of a model")
     try:
         text = content.decode("utf-8")
-        data = YAML(typ="safe", pure=True).load(text)
         node = YAML(typ="safe", pure=True).compose(text)
+        if any(isinstance(event, AliasEvent) for event in YAML(typ="safe", pure=True).parse(text)):
+            raise ReadError(path, "uses an alias (*name); write the value out")  # nested aliases blow up
+        data = YAML(typ="safe", pure=True).load(text)
     except (YAMLError, UnicodeDecodeError, ValueError, RecursionError) as error:
         mark = getattr(error, "problem_mark", None)
         problem = getattr(error, "problem", None) or str(error).splitlines()[0]
