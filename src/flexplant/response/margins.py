@@ -212,7 +212,7 @@ def bandwidth_hz(plant: StateSpace | ModalPlant, level_db: float = -3.0) -> floa
         raise InputError(f"bandwidth_hz: level_db must be negative and finite, got {level_db!r}")
     gain = Gain(state_space(plant))
     static = float(gain(0.0)[0])
-    if static == 0.0:
+    if static <= 1e-12 * gain(abs(gain.transfer.poles)).max(initial=0.0):
         raise InputError("bandwidth_hz: the gain at 0 Hz is zero; use crossing_hz with a level")
     level = static * 10 ** (level_db / 20)
     crossings = gain.crossings(level)

@@ -165,8 +165,13 @@ def _searched(gain: Gain, tolerance: float) -> HinfNorm:
     best, at = (largest, np.inf) if not values.size or largest >= values.max() else (values.max(), starts[np.argmax(values)])
     for start in starts[np.argsort(values)[::-1][:8]]:
         width = 4 * reach[int(np.argmin(abs(abs(poles.imag) - start)))] + tolerance * start
-        best, at = max((best, at), _refined(gain, max(start - width, 0.0), start + width))
+        best, at = _higher((best, at), _refined(gain, max(start - width, 0.0), start + width))
     return HinfNorm(float(best), float(gain.hz(at)), float(best), np.inf)
+
+
+def _higher(known: tuple[float, float], other: tuple[float, float]) -> tuple[float, float]:
+    """The (value, omega) of larger value; the known one where they differ by round-off."""
+    return other if other[0] > known[0] * (1 + 1e-13) else known
 
 
 def _refined(gain: Gain, low: float, high: float) -> tuple[float, float]:
@@ -176,7 +181,7 @@ def _refined(gain: Gain, low: float, high: float) -> tuple[float, float]:
 
 def _certified(gain: Gain, found: HinfNorm, tolerance: float) -> HinfNorm:
     """Raises the lower bound through every interval above it, until the Hamiltonian shows that there is none."""
-    best, at = found.value, gain.omega(found.frequency_hz) if np.isfinite(found.frequency_hz) else np.inf
+    best, at = found.value, float(gain.omega(found.frequency_hz)) if np.isfinite(found.frequency_hz) else np.inf
     for _ in range(40):
         level = best * (1 + tolerance)
         if level == 0.0:
@@ -189,5 +194,6 @@ def _certified(gain: Gain, found: HinfNorm, tolerance: float) -> HinfNorm:
             return HinfNorm(float(best), float(gain.hz(at)), float(best), float(level))
         k = int(np.argmax(values))
         inside = np.searchsorted(candidates, middles[k])
-        best, at = max((best, at), (values[k], middles[k]), _refined(gain, candidates[inside - 1], candidates[inside]))
+        best, at = _higher((best, at), (values[k], middles[k]))
+        best, at = _higher((best, at), _refined(gain, candidates[inside - 1], candidates[inside]))
     return replace(found, value=float(best), lower=float(best), frequency_hz=float(gain.hz(at)))

@@ -6,13 +6,12 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 import numpy.typing as npt
-import scipy.sparse as sp
 import xarray as xr
 
 from flexplant.errors import InputError
 from flexplant.model.arrays import FloatArray
 from flexplant.model.component import FiniteElementModel
-from flexplant.numerics.factorization import factorize
+from flexplant.numerics.sweep import PencilSweep
 from flexplant.plant.modal import ModalPlant
 from flexplant.response.frequency import checked_frequencies
 
@@ -39,10 +38,10 @@ def direct_response(
     columns, rows = (model.dofs.rows(list(pairs), owner=owner) for pairs in (inputs, outputs))
     force = np.zeros((len(model.dofs), len(columns)), dtype=complex)
     force[columns, np.arange(len(columns))] = 1.0
-    stiffness, mass = sp.csc_array(model.stiffness) * (1 + 1j * structural_damping), sp.csc_array(model.mass)
+    pencil = PencilSweep(model.stiffness, model.mass)
     values = np.empty((len(rows), len(columns), hz.size), dtype=complex)
     for k, omega in enumerate(2 * np.pi * hz):
-        values[:, :, k] = factorize(sp.csc_array(stiffness - omega**2 * mass)).solve(force)[rows]
+        values[:, :, k] = pencil.factor(1 + 1j * structural_damping, -(omega**2)).solve(force)[rows]
         if each is not None:
             each(k + 1)
     names = [[f"{node}.{direction}" for node, direction in pairs] for pairs in (outputs, inputs)]
