@@ -38,10 +38,10 @@ def line_of_sight(spec: LineOfSightSpec, plant: ModalPlant) -> LineOfSightResult
     wheel = _wheel(spec, plant)
     seen = select(plant, inputs=list(wheel.inputs), outputs=[spec.optics.x, spec.optics.y])
     loops = {case: line_of_sight_diagram(parameters, seen, closed=case == "closed loop") for case in CASES}
-    hz = frequency_grid(spec.frequency, seen)
+    figures = loop_figures(parameters)
+    hz = frequency_grid(spec.frequency, seen, also=tuple((f.peak_hz, 1 / (2 * f.peak)) for f in figures))
     gains = {case: singular_values(frequency_response(loop, hz)) for case, loop in loops.items()}
     histories = _histories(spec, wheel, loops)
-    figures = loop_figures(parameters)
     peaks = {case: _flexible_peak(parameters, seen, case) for case in CASES}
     contribution = contributions(plant, list(wheel.inputs), spec)
     return LineOfSightResult(
@@ -53,6 +53,7 @@ def line_of_sight(spec: LineOfSightSpec, plant: ModalPlant) -> LineOfSightResult
         sensitivity=frequency_response(output_sensitivity(parameters), hz),
         histories=histories,
         sweep=None if spec.sweep is None else _sweep(spec.sweep, wheel, loops),
+        flexible_hz=plant.frequency_hz[plant.n_rigid :],
         contribution=contribution,
         figures=figures,
         tables=(_loop_table(figures), _spot_table(histories), _peak_table(peaks), _contribution_table(plant, contribution)),
@@ -128,10 +129,10 @@ def _spot_table(histories: dict[float, dict[str, xr.Dataset]]) -> Table:
     rows = []
     for speed, cases in histories.items():
         for case, data in cases.items():
-            motion = 1e6 * data["outputs"].sel(output=list(SPOT)).values
+            motion = 1e9 * data["outputs"].sel(output=list(SPOT)).values
             radius = float(np.sqrt((motion**2).sum(axis=0)).max())
             rows.append((speed, case, *(float(np.sqrt((row**2).mean())) for row in motion), radius))
-    columns = ("wheel [Hz]", "case", "RMS x [um]", "RMS y [um]", "largest radius [um]")
+    columns = ("wheel [Hz]", "case", "RMS x [nm]", "RMS y [nm]", "largest radius [nm]")
     return Table("Spot motion on the sensor", columns, tuple(rows))
 
 

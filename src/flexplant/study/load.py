@@ -12,10 +12,10 @@ from ruamel.yaml import YAML
 from ruamel.yaml.error import MarkedYAMLError, YAMLError
 from ruamel.yaml.nodes import MappingNode, Node, ScalarNode, SequenceNode
 
-from flexplant.errors import StudyError
+from flexplant.errors import StudyError, nearest
 from flexplant.study.schema import StudySpec
 
-MAX_BYTES, MAX_VALUES = 2_000_000, 200_000  # a study is small; this stops alias bombs and wrong files
+MAX_BYTES, MAX_VALUES = 1_000_000, 50_000  # a study is small; this stops alias bombs and wrong files
 MAX_PROBLEMS = 12
 Place = tuple[str | int, ...]
 
@@ -31,10 +31,26 @@ def load_study(path: str | Path, *, allow_outside: bool = False) -> StudySpec:
     if not isinstance(data, dict):
         raise StudyError(f"{path}: a study file has keys such as title, components, plant; 'flexplant new' writes one")
     try:
-        return StudySpec.model_validate(data, context={"folder": path.parent, "allow_outside": allow_outside})
+        study = StudySpec.model_validate(data, context={"folder": path.parent, "allow_outside": allow_outside})
+        problems = list(_unknown_components(study))
     except ValidationError as error:
-        problems = sorted((_line(lines, place), text) for place, text in _problems(error, data))
-        raise StudyError("\n".join(f"{path}, line {line}: {text}" for line, text in problems[:MAX_PROBLEMS])) from None
+        problems = list(_problems(error, data))
+    if problems:
+        told = sorted((_line(lines, place), text) for place, text in problems)
+        raise StudyError("\n".join(f"{path}, line {line}: {text}" for line, text in told[:MAX_PROBLEMS]))
+    return study
+
+
+def _unknown_components(study: StudySpec) -> Iterator[tuple[Place, str]]:
+    """Names of components that the study does not have, where connections, ground and plant use them."""
+    used: list[tuple[Place, str]] = []
+    for i, connection in enumerate(study.connections):
+        used += [(("connections", i, "a"), connection.a), (("connections", i, "b"), connection.b)]
+    used += [(("ground", i, "component"), ground.component) for i, ground in enumerate(study.ground)]
+    used += [(("plant", "inputs", i), channel.partition(".")[0]) for i, channel in enumerate(study.plant.inputs)]
+    for place, name in used:
+        if name not in study.components:
+            yield place, f"{'.'.join(map(str, place))}: the study has no component {name!r}.{nearest(name, study.components)}"
 
 
 def _read_yaml(path: Path) -> tuple[Any, dict[Place, int]]:
@@ -124,9 +140,11 @@ def _problems(error: ValidationError, data: Any) -> Iterator[tuple[Place, str]]:
     """One text a place; the many errors of a value that may be several things are one."""
     seen: set[Place] = set()
     schema = StudySpec.model_json_schema()
-    for item in error.errors(include_url=False):
+    items = error.errors(include_url=False)
+    misspelt = {(*item["loc"][:-1], _guess(item["loc"], schema)) for item in items if item["type"] == "extra_forbidden"}
+    for item in items:
         place, whole = _in_file(item["loc"], data)
-        if place in seen and not whole:
+        if (place in seen and not whole) or (item["type"] == "missing" and item["loc"] in misspelt):
             continue
         seen.add(place)
         name = ".".join(str(p) for p in place) or "study"
@@ -149,8 +167,8 @@ def _text(item: Any, name: str, place: Place, whole: bool, schema: Mapping[str, 
     allowed = _schema_at(schema, place[:-1] if item["type"] == "extra_forbidden" else place)
     if item["type"] == "extra_forbidden":
         known = list(allowed.get("properties", {}))
-        guess = difflib.get_close_matches(str(place[-1]), known, n=1)
-        hint = f"did you mean {guess[0]!r}? " if guess else ""
+        guess = _guess(place, schema)
+        hint = f"did you mean {guess!r}? " if guess else ""
         return f"unknown key {name!r}; {hint}allowed here: {', '.join(known)}"
     if item["type"] == "missing":
         return f"{name}: the key {item['loc'][-1]!r} is missing ({_described(_schema_at(schema, item['loc']))})"
@@ -158,9 +176,15 @@ def _text(item: Any, name: str, place: Place, whole: bool, schema: Mapping[str, 
     message = message[:1].lower() + message[1:]
     if item["type"] == "literal_error":
         return f"{name}: {item['input']!r} is not allowed; {message}"
-    expected = _described(allowed)
+    expected = _described(allowed) or _described(_schema_at(schema, place[:-1]))
     hint = f"; expected: {expected}" if expected and item["type"] != "value_error" else ""
     return f"{name}: {message if whole else 'not a possible value'}{hint}"
+
+
+def _guess(place: Place, schema: Mapping[str, Any]) -> str:
+    """The allowed key that an unknown one was probably meant to be, or nothing."""
+    known = _schema_at(schema, place[:-1]).get("properties", {})
+    return next(iter(difflib.get_close_matches(str(place[-1]), known, n=1)), "")
 
 
 def _described(schema: Mapping[str, Any]) -> str:

@@ -22,6 +22,7 @@ from flexplant.report.figures import (
 )
 from flexplant.study.line_of_sight import CASES, SPOT
 from flexplant.study.result import LineOfSightResult, StudyResult, TruthResult
+from flexplant.study.summary import length
 
 HALF_POWER_DB = -3.0103
 
@@ -123,9 +124,9 @@ def _spot_items(loop: LineOfSightResult) -> Iterator[Item]:
         title = f"Spot at a wheel speed of {speed:g} Hz"
         yield Plot(
             time_histories(curves, outputs=list(SPOT), title=title, labels={"spot_x": "x", "spot_y": "y"}),
-            f"RMS {1e6 * loop.rms(speed, CASES[0]):.3g} um mirror at rest, {1e6 * loop.rms(speed, CASES[1]):.3g} um closed loop.",
+            f"RMS {length(loop.rms(speed, CASES[0]))} with the mirror at rest, {length(loop.rms(speed, CASES[1]))} closed loop.",
         )
-        yield Plot(spot(curves, x="spot_x", y="spot_y", title=f"{title}, x over y"))
+        yield Plot(spot(curves, x="spot_x", y="spot_y", title=f"{title}: path on the sensor"))
     if loop.sweep is not None:
         rms = {case: loop.total_rms(case) for case in CASES}
         marks = [Mark(speed, f"{speed:g} Hz") for speed in loop.histories]

@@ -46,7 +46,7 @@ class LineOfSightResult:
     singular_values: case ("open loop", "closed loop") -> (any, frequency), m per N or N m. peak_gain: case -> H-infinity norm of
     the flexible motion. closed_loop, sensitivity: complex responses of the control system. histories: wheel speed
     in Hz -> case -> Dataset of the spot over time. sweep: RMS and amplitudes over wheel speed, or None. contribution: output ->
-    residue of each flexible mode over the largest. figures: of each axis of the loop.
+    residue of each flexible mode (of flexible_hz) over the largest. figures: of each axis of the loop.
     """
 
     parameters: LineOfSight
@@ -57,6 +57,7 @@ class LineOfSightResult:
     sensitivity: xr.DataArray
     histories: Mapping[float, Mapping[str, xr.Dataset]]
     sweep: xr.Dataset | None
+    flexible_hz: FloatArray
     contribution: Mapping[str, FloatArray]
     figures: Sequence[LoopFigures]
     tables: tuple[Table, ...]

@@ -188,11 +188,12 @@ class PlantSpec(_Section):
 
 
 class ResponseSpec(_Section):
-    """Frequencies of the transfer functions: a list, or a logarithmic range that is refined at every resonance."""
+    """Frequencies of a response: a list, or a range to which points at the resonances are added."""
 
     from_hz: Positive = Field(default=1.0, description="lowest frequency")
     to_hz: Positive = Field(default=500.0, description="highest frequency")
     points: int = Field(default=600, ge=2, le=200_000, description="number of frequencies in the range, resonances are added")
+    spacing: Literal["log", "linear"] = Field(default="log", description="spacing of the range")
     frequency_hz: list[Positive] | None = Field(default=None, description="exactly these frequencies instead of a range")
 
     @model_validator(mode="after")

@@ -4,10 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+import numpy as np
+
 from flexplant.study.line_of_sight import CASES
 from flexplant.study.result import LineOfSightResult, StudyResult
 from flexplant.study.verification import Compared
 from flexplant.verification import Table
+
+SEEN, UNSEEN = 0.05, 1e-6  # shares of the largest residue that count as there and as absent
 
 
 def summary(result: StudyResult, compared: Compared | None) -> tuple[str, ...]:
@@ -35,7 +39,7 @@ def _reference(result: StudyResult, compared: Compared | None) -> str:
     if compared is None or result.study.verification.reference is None:
         return ""
     every = abs(compared.every.error_percent)
-    mac = "" if compared.lowest_mac is None else f", shapes with a MAC of at least {compared.lowest_mac:.5f}"
+    mac = "" if compared.lowest_mac is None else f", shapes with a MAC of at least {compared.lowest_mac:.6f}"
     return (
         f"Against {result.study.verification.reference.name}: the first {compared.held} flexible frequencies agree within "
         f"{compared.worst_percent:.2g} %{mac}; all {every.size} up to "
@@ -71,13 +75,36 @@ def _line_of_sight(loop: LineOfSightResult) -> Iterator[str]:
         f"up to {f.rejection_hz:.1f} Hz. The phase margin is {f.phase_margin_deg:.2f} degrees: a small delay or "
         "lag would make this loop unstable."
     )
+    yield from _unseen(loop)
     for speed in loop.histories:
-        opened, closed = (1e6 * loop.rms(speed, case) for case in CASES)
+        opened, closed = (loop.rms(speed, case) for case in CASES)
         change = f"{opened / closed:.3g} times less" if closed < opened else "more: the loop amplifies here"
         yield (
-            f"Wheel at {speed:g} Hz: the spot moves {opened:.3g} um RMS with the mirror at rest and {closed:.3g} um with the "
+            f"Wheel at {speed:g} Hz: the spot moves {length(opened)} RMS with the mirror at rest and {length(closed)} with the "
             f"loop closed, {change}."
         )
+
+
+def _unseen(loop: LineOfSightResult) -> Iterator[str]:
+    """Modes that move the lens along the axis but not across it."""
+    if len(loop.contribution) < 3:
+        return
+    across = np.maximum(*(loop.contribution[name] for name in list(loop.contribution)[:2]))
+    axial = list(loop.contribution.values())[2]
+    absent = np.flatnonzero((axial > SEEN) & (across < UNSEEN))
+    if absent.size:
+        names = ", ".join(f"{loop.flexible_hz[k]:.1f} Hz" for k in absent[:4])
+        yield (
+            f"Axial modes do not reach the spot: at {names} the residue in x and y is at most {across[absent].max():.1g} of the "
+            f"largest, while it is {axial[absent[0]]:.2g} along the axis for the first."
+        )
+
+
+def length(metres: float) -> str:
+    """A length with the prefix that suits it: "11.1 nm"."""
+    units = (("m", 1.0), ("mm", 1e3), ("um", 1e6), ("nm", 1e9), ("pm", 1e12))
+    unit, scale = next((u for u in units if abs(metres) * u[1] >= 1), units[-1])
+    return f"{metres * scale:.3g} {unit}"
 
 
 def study_tables(result: StudyResult, compared: Compared | None) -> tuple[Table, ...]:

@@ -87,9 +87,13 @@ def _table(
     columns = (
         "band [Hz]",
         "frequencies",
-        "plant, median of local [%]",
-        "plant, largest of band peak [%]",
-        "without static correction [%]",
-        "with viscous damping [%]",
+        "median [%]",
+        "largest [%]",
+        "largest, no static correction [%]",
+        "largest, viscous damping [%]",
     )
-    return Table("Plant against the unreduced model", columns, tuple(rows))
+    return Table(
+        "Plant against the unreduced model: median of the local difference, largest over the peak of the band",
+        columns,
+        tuple(rows),
+    )

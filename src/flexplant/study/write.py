@@ -54,7 +54,8 @@ def dataset(result: StudyResult) -> xr.Dataset:
     }
     variables |= {} if result.truth is None else _truth(result.truth)
     variables |= {} if result.line_of_sight is None else _line_of_sight(result.line_of_sight)
-    return xr.Dataset(variables, attrs={"title": result.study.title, "statement": result.study.statement, **result.provenance})
+    plain = {name: data.reset_coords(drop=True) for name, data in variables.items()}  # unit texts differ between results
+    return xr.Dataset(plain, attrs={"title": result.study.title, "statement": result.study.statement, **result.provenance})
 
 
 def _truth(truth: TruthResult) -> dict[str, xr.DataArray]:
@@ -66,7 +67,7 @@ def _truth(truth: TruthResult) -> dict[str, xr.DataArray]:
 def _line_of_sight(loop: LineOfSightResult) -> dict[str, xr.DataArray]:
     names = {"frequency": "loop_frequency", "output": "loop_output", "input": "loop_input"}
     spot = [_stacked([data["outputs"] for data in cases.values()], "case", list(cases)) for cases in loop.histories.values()]
-    over_time = _stacked(spot, "wheel_hz", list(loop.histories)).drop_vars("output_units", errors="ignore")
+    over_time = _stacked(spot, "wheel_hz", list(loop.histories))
     gains = _stacked(list(loop.singular_values.values()), "case", list(loop.singular_values))
     out = {
         "singular_values": gains.rename(frequency="loop_frequency"),
