@@ -12,9 +12,9 @@ from flexplant.loop.diagram import Diagram
 from flexplant.loop.wiring import NONE
 from flexplant.model.arrays import FloatArray, IntArray
 from flexplant.plant.modal import ModalPlant
-from flexplant.plant.state_space import StateSpace, output_rows, state_space
+from flexplant.plant.state_space import Descriptor, StateSpace, output_rows, state_space
 
-Simulated = Diagram | StateSpace | ModalPlant
+Simulated = Diagram | StateSpace | ModalPlant | Descriptor
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -54,7 +54,7 @@ def cascade_of(system: Simulated) -> Cascade:
         return _of_modal(system)
     if isinstance(system, Diagram):
         return _split(close(system), _listening_plants(system))
-    if isinstance(system, ModalPlant | StateSpace):
+    if isinstance(system, ModalPlant | StateSpace | Descriptor):
         return _split(state_space(system), [])
     raise InputError(f"cannot simulate a {type(system).__name__}; use a Diagram, a ModalPlant or a StateSpace (see state_space)")
 

@@ -29,7 +29,7 @@ def simulate(
     initial: Initial = None,
     hold: str = "first",
 ) -> xr.Dataset:
-    """Response of a ModalPlant, a StateSpace or a whole Diagram, open or closed, at the instants `time` (uniform, seconds).
+    """Response of a plant, a block or a whole Diagram, open or closed, at the instants `time` (uniform, seconds).
 
     inputs: (nw, nt) samples, a mapping input name -> (nt,) values or a number, a DataArray (input, time), or `Tones`; inputs
     left out are zero. Samples are joined by a hold: "first" (straight lines, error O(dt^2) for a smooth input) or "zero" (steps,
