@@ -77,7 +77,14 @@ def spot(
         )
     figure.update_xaxes(constrain="domain")
     figure.update_yaxes(scaleanchor="x", scaleratio=1, constrain="domain")
+    figure.update_layout(height=_height_of(picked))
     return figure
+
+
+def _height_of(paths: Mapping[str, FloatArray]) -> int:
+    """Page height in pixels that a path wider than tall needs at equal scales."""
+    wide, tall = np.ptp(np.hstack(list(paths.values())), axis=1) if paths else (1.0, 1.0)
+    return int(np.clip(200 + 900 * tall / max(wide, np.finfo(float).tiny), 300, 520))
 
 
 def rms_over_speed(
