@@ -16,6 +16,7 @@ from flexplant.response.level import Gain, on_axis, sign_changes
 from flexplant.response.norms import HinfNorm, hinf_norm
 
 ComplexArray = npt.NDArray[np.complex128]
+HALF_POWER_DB = 10 * float(np.log10(0.5))  # what "-3 dB" means in a bandwidth: -3.0103
 
 
 @dataclass(frozen=True)
@@ -203,8 +204,8 @@ def crossing_hz(plant: StateSpace | ModalPlant, level_db: float) -> FloatArray:
     return gain.hz(gain.crossings(10 ** (level_db / 20)))
 
 
-def bandwidth_hz(plant: StateSpace | ModalPlant, level_db: float = -3.0) -> float:
-    """First frequency (Hz) where the gain has fallen by level_db below its value at 0 Hz; inf if it never does.
+def bandwidth_hz(plant: StateSpace | ModalPlant, level_db: float = HALF_POWER_DB) -> float:
+    """First frequency (Hz) where the gain has fallen by level_db (half power) below its value at 0 Hz; inf if it never does.
 
     Raises InputError for a level that is not negative, and for a plant without a finite, nonzero gain at 0 Hz.
     """
