@@ -36,24 +36,36 @@ def free_free(system: System, modes: Modes, expected: int) -> FreeFree:
 
 
 def floating(system: System, modes: Modes) -> str:
-    """Which components move relative to the others without energy, and in which direction."""
+    """Which components move without energy, and in which direction: relative to the ground where there is one, else
+    relative to the component that leaves the fewest others moving."""
     zero = modes.shapes[:, : modes.n_rigid]
-    whole = la.orth(system_rigid_body(system))
-    extra = zero - whole @ (whole.T @ zero)
-    u, s, _ = la.svd(extra, full_matrices=False)
-    extra = u[:, s > 1e-6 * max(float(np.linalg.norm(zero, axis=0).max()), 1e-300)]
-    if not extra.shape[1]:
+    if system.grounded:
         return _moving_parts(system, zero)
-    return _moving_parts(system, extra)
+    relative = [_held(system, c.name, zero) for c in system.components]
+    relative = [motion for motion in relative if motion.shape[1]]
+    return _moving_parts(system, min(relative, key=lambda m: len(_movers(system, m)), default=zero))
+
+
+def _held(system: System, name: str, zero: FloatArray) -> FloatArray:
+    """The zero-energy motions (n, k) that leave one component at rest."""
+    part = zero[system.offsets[name]]
+    _, s, vt = la.svd(part, full_matrices=True)
+    rank = int(np.count_nonzero(s > 1e-8 * max(float(np.linalg.norm(zero)), 1e-300)))
+    return np.asarray(zero @ vt[rank:].T)
+
+
+def _movers(system: System, motion: FloatArray) -> list[str]:
+    """Components with more than a hundredth of the largest motion, the largest first."""
+    size = {c.name: float(np.linalg.norm(motion[system.offsets[c.name]])) for c in system.components}
+    return [name for name, part in sorted(size.items(), key=lambda item: -item[1]) if part > 0.01 * max(size.values())]
 
 
 def _moving_parts(system: System, motion: FloatArray) -> str:
-    """Components by their share of a set of motions (n, k), with the directions in which they move."""
-    share = {c.name: float((motion[system.offsets[c.name]] ** 2).sum()) for c in system.components}
-    total = sum(share.values()) or 1.0
-    movers = [name for name, part in sorted(share.items(), key=lambda item: -item[1]) if part > 0.02 * total]
+    """Components that take part in a set of motions (n, k), with the directions in which they move."""
+    movers = _movers(system, motion)
     texts = [f"{name!r} floats{_directions(system, name, motion)}" for name in movers[:4]]
-    return "component " + "; component ".join(texts) + "; couple the missing directions or ground it"
+    more = f" (and {len(movers) - 4} others)" if len(movers) > 4 else ""
+    return "component " + "; component ".join(texts) + f"{more}; couple the missing directions or ground it"
 
 
 def _directions(system: System, name: str, motion: FloatArray) -> str:
@@ -62,10 +74,21 @@ def _directions(system: System, name: str, motion: FloatArray) -> str:
         return ""
     place = system.placement(name)
     basis = component_rigid_body(component, place, place.apply(component.nodes.positions.mean(axis=0)))
-    fit = np.linalg.lstsq(basis, motion[system.offsets[name]], rcond=None)[0]
-    size = np.linalg.norm(fit, axis=1) * np.linalg.norm(basis, axis=0)
-    moving = [n for n, s in zip(DIRECTION_NAMES, size, strict=True) if s > 0.1 * max(size.max(), 1e-300)]
-    return f" in {', '.join(moving)}"
+    twist = np.linalg.lstsq(basis, motion[system.offsets[name]], rcond=None)[0] * np.linalg.norm(basis, axis=0)[:, None]
+    return f" in {', '.join(_named_directions(twist))}"
+
+
+def _named_directions(twist: FloatArray) -> list[str]:
+    """Axes of (6, k) twists: those of the rotations, and of the motions that are translations alone.
+
+    What a rotation about a distant hinge moves at the centre is no freedom of its own.
+    """
+    _, s, vt = la.svd(twist[3:], full_matrices=True)
+    turning = int(np.count_nonzero(s > 1e-6 * max(float(np.linalg.norm(twist)), 1e-300)))
+    size = np.r_[np.linalg.norm(twist[:3] @ vt[turning:].T, axis=1), np.linalg.norm(twist[3:], axis=1)]
+    limits = np.repeat([0.05 * max(float(size[:3].max()), 1e-300), 0.05 * max(float(size[3:].max()), 1e-300)], 3)
+    floor = 1e-6 * float(np.linalg.norm(twist))
+    return [n for n, v, limit in zip(DIRECTION_NAMES, size, limits, strict=True) if v > max(limit, floor)]
 
 
 def grounded(system: System) -> str:
