@@ -19,7 +19,7 @@ import flexplant.io.read
 from flexplant.errors import InputError, ModelError, ReadError, nearest
 from flexplant.io.formats import Format
 from flexplant.io.parse.display import DisplayMesh
-from flexplant.io.parse.files import checked_file, exists, read_head
+from flexplant.io.parse.files import checked_file, exists, one_line, read_head
 from flexplant.model.component import Component, FiniteElementModel
 from flexplant.model.damping import DampingRatio, with_modal_damping
 from flexplant.model.units import UnitSystem, component_to_si, model_to_si, unit_system
@@ -82,7 +82,7 @@ def _read(what: str, path: str | Path, wanted: str | None, options: dict[str, An
         ):  # absurd numbers of a corrupt file; the model refuses what is not finite
             return reader(path, **options)
     except ModelError as error:
-        raise ReadError(path, str(error)) from None
+        raise ReadError(path, one_line(error)) from None
 
 
 def _unit_choice(stated: Any, asked: Units | None, path: str | Path) -> UnitSystem | None:

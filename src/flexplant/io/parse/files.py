@@ -50,6 +50,12 @@ def read_bytes(path: str | Path) -> bytes:
         raise ReadError(path, f"cannot be read ({error.strerror})") from None
 
 
+def one_line(text: object) -> str:
+    """A text from an untrusted file or another library as one short printable line, for messages."""
+    shown = " ".join(str(text).split())[:200]
+    return "".join(c if c.isprintable() else "?" for c in shown)
+
+
 def read_head(path: Path) -> bytes:
     """The first bytes of a checked file, for recognising its format."""
     try:

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from flexplant.errors import ReadError
-from flexplant.io.parse.files import checked_file
+from flexplant.io.parse.files import checked_file, one_line
 from flexplant.io.parse.npz import MAX_BYTES, MAX_RATIO, RATIO_FREE_BYTES
 
 SIGNATURE = b"\x89HDF\r\n\x1a\n"
@@ -33,13 +33,13 @@ def read_h5(path: str | Path, *, max_bytes: float = MAX_BYTES) -> dict[str, Any]
             out: dict[str, Any] = {}
             for name in file:
                 if not isinstance(file.get(name, getlink=True), h5py.HardLink) or not isinstance(file[name], h5py.Dataset):
-                    raise ReadError(path, "is not a data set of this file", record=name)
+                    raise ReadError(path, "is not a data set of this file", record=one_line(name))
                 max_bytes -= _checked_size(path, file[name], name, max_bytes)
                 value = file[name][()]
                 out[name] = value.decode("utf-8") if isinstance(value, bytes) else value
             return out
     except BROKEN as error:
-        raise ReadError(path, f"is corrupt: {str(error)[:200] or type(error).__name__}", record=name) from None
+        raise ReadError(path, f"is corrupt: {one_line(error) or type(error).__name__}", record=one_line(name)) from None
 
 
 def _checked_size(path: Path, dataset: Any, name: str, left: float) -> int:

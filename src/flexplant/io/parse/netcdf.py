@@ -13,7 +13,7 @@ import numpy as np
 import xarray as xr
 
 from flexplant.errors import ReadError
-from flexplant.io.parse.files import checked_file
+from flexplant.io.parse.files import checked_file, one_line
 
 REAL, IMAGINARY, JSON_LIST = "__real", "__imag", "flexplant_json"
 
@@ -71,4 +71,4 @@ def read_results(path: str | Path) -> xr.Dataset:
         with xr.open_dataset(path, engine="h5netcdf") as stored:
             return restored(stored.load())
     except (OSError, ValueError, KeyError, TypeError, AttributeError, RuntimeError) as error:
-        raise ReadError(path, f"is not a readable NetCDF-4 file: {str(error)[:200]}") from None
+        raise ReadError(path, f"is not a readable NetCDF-4 file: {one_line(error)}") from None

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from flexplant.errors import ReadError
-from flexplant.io.parse.files import checked_file
+from flexplant.io.parse.files import checked_file, one_line
 
 MAX_BYTES = 8 * 10**9  # of all arrays together, uncompressed
 MAX_RATIO = 500  # uncompressed over file size, for archives above RATIO_FREE_BYTES: more is a zip bomb
@@ -55,13 +55,13 @@ def read_npz(path: str | Path, *, max_bytes: float = MAX_BYTES, max_ratio: float
             _check_total(path, sum(m.file_size for m in members), max_bytes, max_ratio)
             out: dict[str, Any] = {}
             for info in members:
-                member = info.filename.removesuffix(".npy")
+                member = one_line(info.filename.removesuffix(".npy"))
                 if member in out or not info.filename.endswith(".npy"):
                     raise ReadError(path, "is stored twice" if member in out else "is not an array (.npy)", record=member)
                 out[member] = _array(path, archive, info, member)
             return out
     except BROKEN as error:
-        raise ReadError(path, f"is corrupt: {str(error)[:200] or type(error).__name__}", record=member) from None
+        raise ReadError(path, f"is corrupt: {one_line(error) or type(error).__name__}", record=member) from None
 
 
 def _check_total(path: Path, total: int, max_bytes: float, max_ratio: float) -> None:

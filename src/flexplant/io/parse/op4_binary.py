@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from flexplant.errors import ReadError
+from flexplant.io.parse.files import one_line
 from flexplant.io.parse.op4_matrix import Op4Matrix
 
 HEADER_BYTES = {24: 4, 48: 8}  # length of the header record -> bytes of an integer and of a word
@@ -105,7 +106,7 @@ def _header(records: _Records) -> Op4Matrix:
         records.fail(f"matrix header of {records.stop - records.start} bytes; {6 * records.word} are needed")
     columns, rows, _, kind = records.integers(records.start, 4)
     text = records.data[records.start + 4 * records.word : records.stop]
-    name = text.replace(b" ", b"").decode("ascii", "replace").upper()  # 64-bit files have blanks inside
+    name = one_line(text.replace(b" ", b"").decode("ascii", "replace")).upper()  # 64-bit files have blanks inside
     return Op4Matrix(records.path, name, rows, columns, kind, records.start)
 
 

@@ -64,7 +64,7 @@ class Op4Matrix:
         if self.complex:
             if numbers.size % 2:
                 self.fail(f"has an odd count of reals in column {column}", offset)
-            numbers = numbers[0::2] + 1j * numbers[1::2]
+            numbers = numbers.astype(float).view(complex)
         if row < 1 or row - 1 + numbers.size > self.rows:
             self.fail(f"({self.rows} rows) has rows {row} to {row - 1 + numbers.size} in column {column}", offset)
         self.strings.append((column - 1, row - 1, numbers))

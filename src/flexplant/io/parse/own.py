@@ -15,6 +15,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from flexplant.errors import ModelError, ReadError
+from flexplant.io.parse.files import one_line
 from flexplant.io.parse.npz_matrices import csr_matrix, pack_matrix
 from flexplant.model.arrays import Matrix, frozen
 from flexplant.model.component import Component, FiniteElementModel
@@ -121,7 +122,7 @@ def _guarded(build: Callable[[dict[str, Any]], Built], arrays: Arrays, path: Pat
     except KeyError as error:
         raise ReadError(path, f"has no {error} although it says it holds a {kind}") from None
     except (ModelError, TypeError, ValueError, AttributeError, IndexError, OverflowError) as error:
-        raise ReadError(path, str(error)) from None
+        raise ReadError(path, one_line(error)) from None
 
 
 def _common(arrays: Arrays, path: Path, header: dict[str, Any], source: Mapping[str, Any], name: str | None) -> dict[str, Any]:

@@ -9,6 +9,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from flexplant.errors import InputError, ModelError, ReadError
+from flexplant.io.parse.files import one_line
 from flexplant.io.parse.npz_matrices import csr_matrix, pack_matrix
 from flexplant.io.parse.own import HEADER, Arrays, header_text, read_header
 from flexplant.plant.modal import ModalPlant
@@ -52,7 +53,7 @@ def unpack_plant(arrays: Arrays, path: Path) -> Plant:
     try:
         plant: Plant = cls(**given, **matrices)
     except (ModelError, TypeError, ValueError, AttributeError, OverflowError) as error:
-        raise ReadError(path, str(error)) from None
+        raise ReadError(path, one_line(error)) from None
     return plant
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any, NoReturn
 
 from flexplant.errors import ReadError, nearest
-from flexplant.io.parse.files import read_bytes
+from flexplant.io.parse.files import one_line, read_bytes
 
 LARGEST_YAML = 16 * 10**6
 
@@ -55,8 +55,8 @@ def read_yaml(path: str | Path) -> LinedYaml:
         data = YAML(typ="safe", pure=True).load(text)
     except (YAMLError, UnicodeDecodeError, ValueError, RecursionError) as error:
         mark = getattr(error, "problem_mark", None)
-        problem = getattr(error, "problem", None) or str(error).splitlines()[0]
-        raise ReadError(path, f"is not YAML: {problem}", record=f"line {mark.line + 1}" if mark else None) from None
+        problem = getattr(error, "problem", None) or str(error)
+        raise ReadError(path, f"is not YAML: {one_line(problem)}", record=f"line {mark.line + 1}" if mark else None) from None
     if not isinstance(data, dict):
         raise ReadError(path, "must be a YAML mapping (key: value)")
     return LinedYaml(path, data, _lines(node))

@@ -1,0 +1,142 @@
+"""MATLAB version 5 to 7.2 MAT-files: real numeric matrices, dense and sparse, read with every length checked.
+
+Layout: "MAT-File Format" (MathWorks). Own reader, because a corrupt file can crash the interpreter inside scipy's.
+"""
+
+from __future__ import annotations
+
+import math
+import struct
+import zlib
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sp
+
+from flexplant.errors import ReadError
+from flexplant.io.parse.files import one_line, read_bytes
+from flexplant.io.parse.npz import MAX_BYTES, MAX_RATIO, RATIO_FREE_BYTES
+from flexplant.model.arrays import Matrix
+
+HEADER_BYTES, MATRIX, COMPRESSED = 128, 14, 15
+NUMBERS = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 9: "f8", 12: "i8", 13: "u8"}
+SPARSE_CLASS, NUMERIC_CLASSES, COMPLEX_FLAG = 5, range(6, 16), 0x800
+
+
+@dataclass
+class _Element:
+    """One data element: type, its bytes, and where these start in the file (or in its compressed part)."""
+
+    kind: int
+    data: memoryview
+    at: int
+
+
+@dataclass
+class _File:
+    path: Path
+    order: str
+    left: float
+
+    def fail(self, problem: str, at: int, name: str | None = None) -> ReadError:
+        return ReadError(self.path, problem, record=name, offset=at)
+
+    def elements(self, data: memoryview, at: int) -> Iterator[_Element]:
+        """The elements from an offset on; compressed ones are not padded to 8 bytes."""
+        while len(data) - at >= 8:
+            kind, size = struct.unpack_from(self.order + "2I", data, at)
+            begin = at + 8
+            if kind >> 16:
+                kind, size, begin = kind & 0xFFFF, kind >> 16, at + 4
+            if begin + size > len(data) or (begin == at + 4 and size > 4):
+                raise self.fail(f"an element claims {size} bytes, {len(data) - begin} are left", at)
+            yield _Element(kind, data[begin : begin + size], begin)
+            at = at + 8 if begin == at + 4 else begin + size + (0 if kind == COMPRESSED else -size % 8)
+
+    def unpacked(self, element: _Element) -> _Element:
+        """The element inside a compressed one."""
+        limit = min(self.left, max(RATIO_FREE_BYTES, MAX_RATIO * len(element.data)))
+        stream = zlib.decompressobj()
+        try:
+            data = stream.decompress(element.data, int(limit) + 1)
+        except zlib.error as error:
+            raise self.fail(f"a compressed element is corrupt ({error})", element.at) from None
+        if len(data) > limit:
+            raise self.fail(f"a compressed element unpacks to more than {limit:.3g} bytes", element.at)
+        self.left -= len(data)
+        inner = next(self.elements(memoryview(data), 0), None)
+        if inner is None:
+            raise self.fail("a compressed element holds nothing", element.at)
+        return inner
+
+    def numbers(self, element: _Element, name: str) -> Any:
+        """The numbers of an element."""
+        if element.kind not in NUMBERS:
+            raise self.fail(f"has data of type {element.kind}", element.at, name)
+        dtype = np.dtype(self.order + NUMBERS[element.kind])
+        if len(element.data) % dtype.itemsize:
+            raise self.fail(f"{len(element.data)} bytes are no whole number of {dtype}", element.at, name)
+        return np.frombuffer(element.data, dtype).astype(dtype.newbyteorder("="))
+
+
+def read_mat(path: str | Path, *, max_bytes: float = MAX_BYTES) -> dict[str, Matrix]:
+    """The numeric matrices of a MAT-file by name, sparse ones as CSC; cells, structures and texts are left out.
+
+    Raises ReadError naming the matrix and byte for version 7.3, corrupt files, and more than max_bytes unpacked.
+    """
+    path = Path(path)
+    data = read_bytes(path)
+    if data.startswith(b"MATLAB 7.3"):
+        raise ReadError(path, "is a version 7.3 MAT-file; save it with -v7 (or as .npz)")
+    order = {b"IM": "<", b"MI": ">"}.get(data[126:128])
+    if order is None:
+        raise ReadError(path, "is not a version 5 MAT-file", offset=126)
+    file, out = _File(path, order, max_bytes), {}
+    for element in file.elements(memoryview(data), HEADER_BYTES):
+        inner = file.unpacked(element) if element.kind == COMPRESSED else element
+        if inner.kind == MATRIX and (found := _matrix(file, inner)) is not None:
+            name, matrix = found
+            if name in out:
+                raise file.fail("is stored twice", element.at, name)
+            out[name] = matrix
+    return out
+
+
+def _matrix(file: _File, element: _Element) -> tuple[str, Matrix] | None:
+    """Name and matrix; None for what is no numeric matrix."""
+    parts = list(file.elements(element.data, 0))
+    if len(parts) < 3 or len(parts[0].data) < 8:
+        raise file.fail("a matrix lacks flags, size or name", element.at)
+    (flags,) = struct.unpack_from(file.order + "I", parts[0].data)
+    name = one_line(bytes(parts[2].data).decode("latin-1"))
+    kind = flags & 0xFF
+    if kind != SPARSE_CLASS and kind not in NUMERIC_CLASSES:
+        return None
+    shape = tuple(int(n) for n in file.numbers(parts[1], name))
+    needed = 6 if kind == SPARSE_CLASS else 4
+    if len(parts) < needed or min(shape, default=-1) < 0:
+        raise file.fail(f"of shape {shape} lacks its numbers", element.at, name)
+    if flags & COMPLEX_FLAG:
+        raise file.fail("is complex; real matrices are needed", element.at, name)
+    if kind == SPARSE_CLASS:
+        return name, _sparse(file, shape, [file.numbers(p, name) for p in parts[3:6]], element.at, name)
+    values = file.numbers(parts[3], name)
+    if values.size != math.prod(shape):
+        raise file.fail(f"claims shape {shape}, but has {values.size} numbers", element.at, name)
+    return name, values.reshape(shape, order="F")
+
+
+def _sparse(file: _File, shape: tuple[int, ...], parts: list[Any], at: int, name: str) -> Matrix:
+    rows, starts, values = parts
+    try:
+        if len(shape) != 2 or starts.size != shape[1] + 1 or rows.dtype.kind not in "iu" or starts.dtype.kind not in "iu":
+            raise ValueError(f"{starts.size} column starts for shape {shape}")
+        count = int(starts[-1])
+        matrix = sp.csc_array((values[:count].astype(float), rows[:count].astype(np.int64), starts.astype(np.int64)), shape=shape)
+        matrix.check_format(full_check=True)
+    except ValueError as error:
+        raise file.fail(f"its sparse parts do not fit together ({error})", at, name) from None
+    return matrix
