@@ -60,17 +60,15 @@ def _under_tones(
     """Outputs, inputs and final state: the steady state, plus the free motion of what the start is off it."""
     amplitude = input_amplitudes(tones, names)
     states = steady_states(cascade, tones.frequency_hz, amplitude)
-    turned = states * np.exp(2j * np.pi * tones.frequency_hz * t[0])
     order = np.r_[cascade.modal_states, cascade.other_states]
+    first, last = np.zeros((2, cascade.n_states))
+    for state, instant in ((first, t[0]), (last, t[-1])):
+        state[order] = (states * np.exp(2j * np.pi * tones.frequency_hz * instant)).real.sum(axis=1)
     z = _real_sum(output_amplitudes(cascade, states, amplitude), tones, t)
-    final = np.empty(cascade.n_states)
-    final[order] = (states * np.exp(2j * np.pi * tones.frequency_hz * t[-1])).real.sum(axis=1)
     if not (isinstance(initial, str) and initial == "steady_state"):
-        off = _initial_state(cascade, initial)
-        off[order] -= turned.real.sum(axis=1)
-        free = march(cascade, dt, None, t.size, off, hold)
-        z, final = z + free.outputs, final + free.final_state
-    return z, _real_sum(amplitude, tones, t), final
+        free = march(cascade, dt, None, t.size, _initial_state(cascade, initial) - first, hold)
+        z, last = z + free.outputs, last + free.final_state
+    return z, _real_sum(amplitude, tones, t), last
 
 
 def _real_sum(amplitude: npt.NDArray[np.complex128], tones: Tones, t: FloatArray) -> FloatArray:
