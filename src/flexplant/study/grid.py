@@ -9,6 +9,7 @@ from flexplant.plant.modal import ModalPlant
 from flexplant.study.schema import ResponseSpec
 
 OFFSETS = np.array([-8.0, -4, -2, -1, -0.5, 0, 0.5, 1, 2, 4, 8])  # half bandwidths from a resonance: its peak within 1 %
+UNDAMPED = 1e-4
 
 
 def frequency_grid(
@@ -26,13 +27,15 @@ def frequency_grid(
     grid = spaced(spec.from_hz, spec.to_hz, spec.points)
     hz = np.array([*plant.frequency_hz, *(f for f, _ in also)])
     zeta = np.array([*plant.zeta, *(ratio for _, ratio in also)])
+    hz = np.where(zeta > 0, hz, hz * (1 + UNDAMPED))  # an undamped mode has no response at its own frequency
+    zeta = np.maximum(zeta, UNDAMPED)
     inside = np.flatnonzero((hz > spec.from_hz) & (hz < spec.to_hz))
     if strongest is None:
         added = (hz[inside, None] * (1 + zeta[inside, None] * OFFSETS)).ravel()
     else:
         assert plant.shape_out is not None
         inside = inside[inside < plant.n_modes]
-        peak = abs(plant.shape_out[0] * plant.shape_in[:, 0])[inside] / np.maximum(zeta[inside], 1e-4) / hz[inside] ** 2
+        peak = abs(plant.shape_out[0] * plant.shape_in[:, 0])[inside] / zeta[inside] / hz[inside] ** 2
         added = hz[inside[np.argsort(peak)[::-1][:strongest]]]
     added = added[(added > spec.from_hz) & (added < spec.to_hz)]
     return np.unique(np.concatenate([grid, added]))

@@ -1,0 +1,147 @@
+"""The pipeline against the unsplit structure, and its files: all of them or none."""
+
+import json
+
+import numpy as np
+import pytest
+import xarray as xr
+from small_study import LINE_OF_SIGHT, STUDY, write_study
+from structures import chain, elastic_hz
+
+import flexplant.study.pipeline as pipeline
+import flexplant.study.write as write
+from flexplant.errors import CouplingError, InputError, StudyError, WriteError
+from flexplant.io import read_plant
+from flexplant.study.pipeline import run_study
+
+
+def files(folder):
+    """Name -> content of everything below a folder."""
+    return {str(p.relative_to(folder)): p.read_bytes() for p in folder.rglob("*") if p.is_file()}
+
+
+def test_a_study_gives_the_unsplit_structure_back(tmp_path):
+    result = run_study(write_study(tmp_path))
+    whole = chain()
+    expected = elastic_hz(whole.mass, whole.stiffness, 6)
+    assert result.modes.n_rigid == 6
+    np.testing.assert_allclose(result.modes.frequency_hz[6:], expected, rtol=1e-9)
+    assert result.checks.passed
+    difference = abs(result.truth.plant - result.truth.direct).max() / abs(result.truth.direct).max()
+    assert difference < 1e-8, "nothing is reduced here, so the plant is the structure"
+    assert result.files == {}
+
+
+def test_primal_and_dual_studies_agree(tmp_path):
+    dual = run_study(write_study(tmp_path))
+    primal = run_study(write_study(tmp_path, STUDY + "method: primal\n"))
+    np.testing.assert_allclose(
+        primal.response.values, dual.response.values, rtol=1e-8, atol=1e-9 * abs(dual.response.values).max()
+    )
+
+
+def test_damping_of_the_components_is_equation_4(tmp_path):
+    text = STUDY.replace("damping: {ratio: 0.01}", "damping: {ratio: 0.01, on: components}")
+    result = run_study(write_study(tmp_path, text))
+    assert all(c.damping is not None for c in result.system.components)
+    assert not result.system.damping.count_nonzero(), "components that keep every DOF have no modal coordinates to damp"
+
+
+def test_a_grounded_study_has_no_rigid_body_modes(tmp_path):
+    text = STUDY.replace("rigid_body_modes: 6", "rigid_body_modes: 0") + "ground: [{component: left, nodes: [2]}]\n"
+    result = run_study(write_study(tmp_path, text.split("truth:")[0] + "ground: [{component: left, nodes: [2]}]\n"))
+    assert result.modes.n_rigid == 0
+    assert result.checks.passed
+
+
+def test_a_floating_part_fails_its_check_and_says_which(tmp_path):
+    text = STUDY.replace("nodes: [4]}", "nodes: [4], directions: '123'}")
+    result = run_study(write_study(tmp_path, text))
+    assert not result.checks.passed
+    assert "floats" in result.checks.failed[0].explanation
+    assert "FAILED rigid-body modes" in result.text()
+
+
+def test_all_files_are_written_and_can_be_read_back(tmp_path):
+    out = tmp_path / "out"
+    heard = []
+    result = run_study(write_study(tmp_path, STUDY + LINE_OF_SIGHT), output=out, progress=lambda text, share: heard.append(share))
+    assert all(path.is_file() for path in result.files.values())
+    assert not list(out.glob(".*")), "no work folder is left"
+    assert heard == sorted(heard)
+    assert heard[-1] == 1.0
+    plant = read_plant(result.files["plant"])
+    np.testing.assert_array_equal(plant.omega, result.plant.omega)
+    np.testing.assert_array_equal(plant.shape_out, result.plant.shape_out)
+    with xr.open_dataset(result.files["results"], engine="h5netcdf") as data:
+        stored = data["frequency_response__real"].values + 1j * data["frequency_response__imag"].values
+        np.testing.assert_array_equal(stored, result.response.values)
+        assert set(data["case"].values) == {"open loop", "closed loop"}
+        assert len(json.loads(data.attrs["file left.npz"])["sha256"]) == 64
+    page = result.files["report"].read_text()
+    assert "Two halves of a chain" in page
+    assert "phase margin" in page
+    assert "rigid-body modes" in result.files["tables"].read_text()
+
+
+def test_closed_loop_spot_is_the_open_one_times_the_sensitivity(tmp_path):
+    loop = run_study(write_study(tmp_path, STUDY + LINE_OF_SIGHT)).line_of_sight
+    opened, closed = (loop.sweep["amplitude"].sel(case=case) for case in ("open loop", "closed loop"))
+    hz = opened["harmonic"] * opened["omega_hz"]
+    s = 2j * np.pi * hz / 100.0
+    sensitivity = 1 / (1 + 1800 / (s**2 + 0.6 * s + 1))
+    np.testing.assert_allclose(closed.values, (opened * sensitivity).transpose(*closed.dims).values, rtol=1e-9)
+    speed = loop.sweep["rms"].sel(case="open loop", omega_hz=20.0)
+    assert loop.rms(20.0, "open loop") == pytest.approx(float(np.sqrt((speed**2).sum())), rel=0.02)
+
+
+@pytest.mark.parametrize(
+    ("module", "step"), [(pipeline, "frequency_response"), (pipeline, "compare_with_truth"), (write, "render")]
+)
+@pytest.mark.parametrize("error", [KeyboardInterrupt, MemoryError])
+def test_an_interrupted_study_leaves_the_old_results_as_they_were(tmp_path, monkeypatch, module, step, error):
+    study, out = write_study(tmp_path), tmp_path / "out"
+    run_study(study, output=out)
+    before = files(out)
+
+    def stop(*_, **__):
+        raise error
+
+    monkeypatch.setattr(module, step, stop)
+    with pytest.raises(error):
+        run_study(study, output=out)
+    assert files(out) == before
+    with pytest.raises(error):
+        run_study(study, output=tmp_path / "new")
+    assert not (tmp_path / "new").exists()
+
+
+def test_an_output_folder_that_cannot_be_written_is_refused_before_the_work(tmp_path, monkeypatch):
+    study = write_study(tmp_path)
+    monkeypatch.setattr(pipeline, "read_components", lambda *_: pytest.fail("the work has begun"))
+    for out in (study, study / "below", "/proc/flexplant"):
+        with pytest.raises(WriteError, match="choose another folder"):
+            run_study(study, output=out)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "error", "said"),
+    [
+        ("nodes: [4]}", "nodes: [5]}", CouplingError, "5"),
+        ("nodes: [4]}", "nodes: [4]}\n  - {a: right, b: left, nodes: [4], directions: '1'}", CouplingError, "4"),
+        ("left.1.123456", "left.9.1", InputError, "9"),
+        ("right.6.12]", "right.display.1]", InputError, "display"),
+        ("output: right.6.1", "output: right.5.1", InputError, "right.5.1"),
+        ("file: left.npz}", "file: left.npz, units: furlong}", InputError, "furlong"),
+    ],
+)
+def test_what_cannot_be_coupled_or_observed_is_named(tmp_path, old, new, error, said):
+    assert old in STUDY
+    with pytest.raises(error, match=said):
+        run_study(write_study(tmp_path, STUDY.replace(old, new)))
+
+
+def test_a_wheel_on_a_node_that_is_no_input_is_named(tmp_path):
+    text = STUDY + LINE_OF_SIGHT.replace("node: left.1", "node: left.2")
+    with pytest.raises(StudyError, match=r"left\.2\.1"):
+        run_study(write_study(tmp_path, text))
