@@ -8,24 +8,27 @@ from typing import Any
 import numpy as np
 import scipy.linalg as la
 import scipy.sparse as sp
-from scipy.sparse.linalg import ArpackError, LinearOperator, eigsh
 
 from flexplant.errors import SolverError
 from flexplant.model.arrays import FloatArray, dense
-from flexplant.numerics.factorization import factorize
+from flexplant.numerics.factorization import Analysis, Factor, analyze, refuse_above
+from flexplant.numerics.lanczos import Progress, lanczos
 from flexplant.numerics.rank import EPS, split_semidefinite
 
 INDEFINITE = 1e-8  # of a unit diagonal: more negative than any single-precision round-off of a vendor's matrix
-SEED = 20190811
 
 
 @dataclass(frozen=True, eq=False)
 class Eigenpairs:
-    """omega2 (k,) ascending, vectors (n, k) mass-normalised, zero: how many leading ones are exact rigid-body motions."""
+    """omega2 (k,) ascending, vectors (n, k) mass-normalised, zero: how many leading ones are exact rigid-body motions.
+
+    proved: a Sturm count confirmed that no mode below the requested limit is missing.
+    """
 
     omega2: FloatArray
     vectors: FloatArray
     zero: int
+    proved: bool = False
 
 
 def orthonormalize(vectors: FloatArray, mass: Any) -> FloatArray:
@@ -80,28 +83,84 @@ def _condense(knn: FloatArray, kns: FloatArray) -> FloatArray:
 
 
 def sparse_eigenpairs(
-    stiffness: Any, mass: Any, rigid: FloatArray, *, n_modes: int | None, max_omega2: float | None
+    stiffness: Any,
+    mass: Any,
+    rigid: FloatArray,
+    *,
+    n_modes: int | None,
+    max_omega2: float | None,
+    progress: Progress | None = None,
 ) -> Eigenpairs:
-    """The lowest modes of a large sparse problem by shift-invert Lanczos on one factor (ARPACK).
+    """The lowest modes of a large sparse problem by block Lanczos on one factor: `rigid`, then the first `n_modes` elastic
+    ones, or all with w^2 <= max_omega2, or fewer where both are given. Rigid motions (n, r) of K are deflated.
 
-    A small negative shift keeps K - s M definite for free-free models; known rigid motions replace their computed images.
-    With `max_omega2` the count is enlarged until a mode above the limit is found.
+    Modes below `max_omega2` are counted beforehand by Sylvester's law (negative pivots of K - max_omega2 M), so that none is
+    missing; `proved` says whether the backend could. A small negative shift keeps K - s M definite for free-free models.
     """
-    k, m = sp.csc_array(stiffness), sp.csc_array(mass)
+    k, m = sp.csc_array(stiffness), sp.csr_array(mass)
     zero = orthonormalize(rigid, m)
+    analysis = analyze(k - m)
+    refuse_above(analysis.estimate, None)
+    count = None if max_omega2 is None else count_below(k, m, max_omega2, analysis)
     shift = -_small_shift(k, m)
-    factor = factorize(k - shift * m)
-    want = 20 if n_modes is None else n_modes
-    size = k.shape[0]
+    factor = analysis.factorize(sp.csc_array(k - shift * m))
+    wanted = Wanted(n_modes, max_omega2, None if count is None else max(count - zero.shape[1], 0))
+    found = shift_invert(factor, m, wanted, shift=shift, rigid=zero, progress=progress)
+    return Eigenpairs(np.r_[np.zeros(zero.shape[1]), found.omega2], np.hstack([zero, found.vectors]), zero.shape[1], found.proved)
+
+
+@dataclass(frozen=True)
+class Wanted:
+    """The first n_modes, or all with w^2 <= max_omega2, or fewer where both are given; count: how many the latter are."""
+
+    n_modes: int | None
+    max_omega2: float | None
+    count: int | None = None
+
+
+def count_below(stiffness: Any, mass: Any, omega2: float, analysis: Analysis) -> int | None:
+    """How many w^2 of K x = w^2 M x lie below `omega2` (Sylvester's law of inertia, a Sturm count); None if it cannot tell.
+
+    A mode that sits on the limit to the last digit makes the matrix singular; the limit is then raised by 1e-9 of itself.
+    """
+    try:
+        factor = analysis.factorize(sp.csc_array(stiffness - omega2 * mass))
+    except SolverError:
+        factor = analysis.factorize(sp.csc_array(stiffness - omega2 * (1 + 1e-9) * mass))
+    return factor.negative_pivots
+
+
+def shift_invert(
+    factor: Factor,
+    mass: Any,
+    wanted: Wanted,
+    *,
+    shift: float = 0.0,
+    rigid: FloatArray | None = None,
+    progress: Progress | None = None,
+) -> Eigenpairs:
+    """The elastic modes `wanted`, from the factor of K - shift M; rigid (n, r) mass-orthonormal motions are deflated.
+
+    Without a count the number of modes is doubled until one lies above the limit. Raises SolverError where fewer modes are
+    found below the limit than were counted.
+    """
+    limit, count = wanted.max_omega2, wanted.count
+    ask = min(x for x in (wanted.n_modes, count, mass.shape[0]) if x is not None)
+    if wanted.n_modes is None and count is None:
+        ask = min(20, mass.shape[0])
+    below = factor.negative_pivots or 0
     while True:
-        count = min(want + zero.shape[1] + 2, size - 1)
-        values, vectors = _lanczos(k, m, shift, factor, count)
-        order = np.argsort(values)
-        found = _without_rigid(values[order], vectors[:, order], zero, m)
-        enough = n_modes is not None or max_omega2 is None or found.omega2[-1] > max_omega2 or count >= size - 1
-        if enough:
-            return found
-        want *= 2
+        found = lanczos(factor.solve, mass, ask, shift=shift, below=below, locked=rigid, progress=progress)
+        inside = np.ones(found.omega2.size, dtype=bool) if limit is None else found.omega2 <= limit * (1 + 1e-9)
+        complete = limit is None or count is not None or wanted.n_modes == ask or not inside.all()
+        if complete or found.exhausted:
+            break
+        ask = min(2 * ask, mass.shape[0])
+    if count is not None and ask == count and np.count_nonzero(inside) < count:
+        raise SolverError(
+            f"{count} modes lie below the limit, but only {np.count_nonzero(inside)} were found; ask for a larger limit"
+        )
+    return Eigenpairs(found.omega2[inside], found.vectors[:, inside], 0, limit is not None and count is not None)
 
 
 def _small_shift(k: Any, m: Any) -> float:
@@ -109,24 +168,3 @@ def _small_shift(k: Any, m: Any) -> float:
     diagonal = m.diagonal()
     ratio = k.diagonal()[diagonal > 0] / diagonal[diagonal > 0]
     return float(1e-10 * np.max(ratio, initial=1e-10))
-
-
-def _lanczos(k: Any, m: Any, shift: float, factor: Any, count: int) -> tuple[FloatArray, FloatArray]:
-    operator = LinearOperator(k.shape, matvec=factor.solve, dtype=float)
-    start = np.random.default_rng(SEED).standard_normal(k.shape[0])
-    basis = min(k.shape[0] - 1, max(2 * count + 1, 20))
-    try:
-        values, vectors = eigsh(k, count, m, sigma=shift, OPinv=operator, v0=start, ncv=basis, tol=1e-12)
-    except ArpackError as error:
-        raise SolverError(f"the eigensolver did not find {count} modes ({error}); ask for fewer modes") from None
-    return np.asarray(values), np.asarray(vectors)
-
-
-def _without_rigid(values: FloatArray, vectors: FloatArray, zero: FloatArray, m: Any) -> Eigenpairs:
-    """Take the exact rigid motions for their computed images, and clean the elastic shapes of them."""
-    n_zero = zero.shape[1]
-    share = np.einsum("ij,ij->j", zero.T @ (m @ vectors), zero.T @ (m @ vectors))
-    elastic = np.sort(np.argsort(share, kind="stable")[: values.size - n_zero])
-    shapes = vectors[:, elastic] - zero @ (zero.T @ (m @ vectors[:, elastic]))
-    shapes /= np.sqrt(np.einsum("ij,ij->j", shapes, m @ shapes))
-    return Eigenpairs(np.r_[np.zeros(n_zero), values[elastic]], np.hstack([zero, shapes]), n_zero)

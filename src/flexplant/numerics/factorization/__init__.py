@@ -1,45 +1,62 @@
-"""Sparse symmetric factorisations behind one interface: factor once, solve many."""
+"""Sparse symmetric factorisations behind one interface: analyse, estimate, factor once, solve many."""
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable
-from typing import Any, Protocol
+from typing import Any
 
-from flexplant.errors import InputError, nearest
+from flexplant.errors import InputError, SolverError, nearest
 from flexplant.numerics.factorization import rslab_backend, superlu_backend
+from flexplant.numerics.factorization.protocol import Analysis, Estimate, Factor
 
-__all__ = ["BACKENDS", "Factor", "factorize"]
+__all__ = ["BACKENDS", "Analysis", "Estimate", "Factor", "analyze", "factorize", "installed_memory", "refuse_above"]
 
-
-class Factor(Protocol):
-    """A factored symmetric (real, or complex-symmetric) matrix."""
-
-    @property
-    def backend(self) -> str:
-        """Name of the backend that made it."""
-        ...
-
-    @property
-    def negative_pivots(self) -> int | None:
-        """Number of negative eigenvalues (Sylvester inertia), None where the backend cannot tell."""
-        ...
-
-    def solve(self, right_side: Any) -> Any:
-        """x with A x = right_side, (n,) or (n, k)."""
-        ...
+BACKENDS: dict[str, Callable[..., Analysis]] = {"rslab": rslab_backend.analyze, "superlu": superlu_backend.analyze}
 
 
-BACKENDS: dict[str, Callable[[Any], Factor]] = {"rslab": rslab_backend.factorize, "superlu": superlu_backend.factorize}
-
-
-def factorize(matrix: Any, *, backend: str | None = None) -> Factor:
-    """Factor a sparse symmetric matrix (n, n), real or complex-symmetric.
+def analyze(matrix: Any, *, backend: str | None = None, threads: int | None = None) -> Analysis:
+    """Symbolic analysis of a sparse symmetric matrix (n, n): its cost estimate, and factors of any matrix of its pattern.
 
     backend: "rslab" (L D L^T; the default where it is installed) or "superlu" (LU in symmetric mode, always there).
-    Raises SolverError where the matrix is singular; InputError for an unknown backend.
+    threads: workers, None for the backend's own choice. Raises InputError for an unknown backend, MissingExtraError for one
+    that is not installed.
     """
     if backend is None:
         backend = "rslab" if rslab_backend.available() else "superlu"
     if backend not in BACKENDS:
         raise InputError(f"unknown factorization backend {backend!r}." + nearest(backend, BACKENDS))
-    return BACKENDS[backend](matrix)
+    return BACKENDS[backend](matrix, threads=threads)
+
+
+def factorize(
+    matrix: Any, *, backend: str | None = None, threads: int | None = None, memory_limit: float | None = None
+) -> Factor:
+    """Factor a sparse symmetric matrix (n, n), real or complex-symmetric; arguments as in `analyze`.
+
+    memory_limit: bytes that the peak of the factorisation may take, by default the machine's installed memory.
+    Raises SolverError, before any numeric work, where the estimate exceeds the limit; and where the matrix is singular.
+    """
+    analysis = analyze(matrix, backend=backend, threads=threads)
+    refuse_above(analysis.estimate, memory_limit)
+    return analysis.factorize(matrix)
+
+
+def refuse_above(estimate: Estimate | None, memory_limit: float | None, besides: float = 0.0) -> None:
+    """SolverError with the estimate where a factorisation and `besides` bytes do not fit in `memory_limit` bytes."""
+    limit = installed_memory() if memory_limit is None else memory_limit
+    if estimate is None or limit is None or estimate.peak_bytes + besides <= limit:
+        return
+    extra = f", and {besides / 1e9:.2f} GB for vectors" if besides else ""
+    raise SolverError(
+        f"the factorisation would need {estimate}{extra}, but {limit / 1e9:.2f} GB are allowed; "
+        "reduce the model in parts, use a machine with more memory, or raise memory_limit"
+    )
+
+
+def installed_memory() -> float | None:
+    """Bytes of physical memory, None where the system does not say."""
+    try:
+        return float(os.sysconf("SC_PAGE_SIZE")) * os.sysconf("SC_PHYS_PAGES")
+    except (AttributeError, OSError, ValueError):
+        return None

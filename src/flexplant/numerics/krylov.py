@@ -1,0 +1,144 @@
+"""The recurrence of block Lanczos in the inner product of a semidefinite mass, fully reorthogonalised with BLAS-3."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import scipy.linalg as la
+
+from flexplant.model.arrays import FloatArray
+from flexplant.numerics.rank import EPS
+
+DEPENDENT = 1e-11  # of a block's size before it was made orthogonal: what is left below that is round-off
+SHRUNK = 1e-3  # of that size: below it one more orthogonalisation is needed
+CHUNK = 8192  # rows rotated at a time in a restart, so that it needs no second basis
+
+
+class Krylov:
+    """Basis V (n, capacity) with V^T M V = I and T = V^T M OP V, OP = (K - s M)^-1 M.
+
+    The first `locked` columns are given motions, outside T; then come the blocks, of which the last, [last, size), has not
+    met the operator. A column of a block that depends on the basis is replaced by a random direction in the operator's
+    range; where none is left, `exhausted` is set: V holds every finite mode.
+    """
+
+    def __init__(
+        self, solve: Callable[[FloatArray], FloatArray], mass: Any, locked: FloatArray, capacity: int, block: int, seed: int
+    ) -> None:
+        self.solve, self.mass, self.block = solve, mass, block
+        self.random = np.random.default_rng(seed)
+        self.locked = locked.shape[1]
+        self.basis = np.empty((mass.shape[0], self.locked + capacity), order="F")
+        self.basis[:, : self.locked] = locked
+        self.projection = np.zeros((capacity, capacity))
+        self.size = self.last = self.locked
+        self.exhausted = False
+        self.coupling = np.zeros((0, 0))
+        self._images: FloatArray | None = None  # M V of the local columns
+        start = self._random_block(block)
+        self._append(start, norms(start, mass @ start).max(initial=0.0))
+
+    @property
+    def room(self) -> bool:
+        """Whether another block fits."""
+        return bool(self.size + self.block <= self.basis.shape[1])
+
+    def _random_block(self, columns: int) -> FloatArray:
+        """Vectors in the range of the operator, so that they carry no massless part."""
+        return self.solve(self.mass @ self.random.standard_normal((self.basis.shape[0], columns)))
+
+    def _purged(self, block: FloatArray, image: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """The block without its part in the basis, and M times it."""
+        columns = self.basis[:, : self.size]
+        block = block - columns @ (columns.T @ image)
+        return block, self.mass @ block
+
+    def step(self) -> None:
+        """W = OP V_j; orthogonal to the local blocks, which extends T, then to all; Q of W = Q B is the next block."""
+        low, last, end = self.locked, self.last, self.size
+        mine = self.mass @ self.basis[:, last:end] if self._images is None else self._images[:, last - end :]
+        block = self.solve(mine)
+        image = self.mass @ block
+        scale = norms(block, image).max(initial=0.0)
+        first = low if self._images is None else end - self._images.shape[1]
+        share = self.basis[:, first:end].T @ image
+        block = block - self.basis[:, first:end] @ share
+        self.projection[first - low : end - low, last - low : end - low] = share
+        self.projection[last - low : end - low, first - low : end - low] = share.T
+        self.last = end
+        self.coupling = self._append(block, scale)
+        newest = self._images[:, -(self.size - end) :] if self._images is not None and self.size > end else mine[:, :0]
+        self._images = np.hstack([mine, newest])
+
+    def _append(self, block: FloatArray, scale: float) -> FloatArray:
+        """Add Q of block = Q B, completed to the block's width; returns B, (width of Q, columns of block)."""
+        block, image = self._purged(block, self.mass @ block)
+        q, image, b = factored(block, image, DEPENDENT * scale)
+        if b.size and la.svdvals(b).min() < SHRUNK * scale:
+            q, image, again = factored(*self._purged(q, image), 0.5)
+            b = again @ b
+        if q.shape[1] < self.block:
+            fresh, fresh_image = self._fresh(q, image)
+            q, image = np.hstack([q, fresh]), np.hstack([image, fresh_image])
+            b = np.vstack([b, np.zeros((fresh.shape[1], b.shape[1]))])
+        self.basis[:, self.size : self.size + q.shape[1]] = q
+        self.size += q.shape[1]
+        self._images = image
+        return b
+
+    def _fresh(self, q: FloatArray, image: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Random directions outside basis and q; fewer than needed, and `exhausted`, where the space has closed."""
+        missing = self.block - q.shape[1]
+        block = self._random_block(missing)
+        block_image = self.mass @ block
+        limit = DEPENDENT * norms(block, block_image).max(initial=0.0)
+        for _ in range(2):
+            block, block_image = self._purged(block - q @ (image.T @ block), block_image)
+            block, block_image, _ = factored(block, block_image, limit)
+            limit = 0.5
+        self.exhausted = block.shape[1] < missing
+        return block, block_image
+
+    def ritz(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Ritz values theta of the operator, their vectors in T's columns, and residual norms |B s_last|."""
+        used = self.last - self.locked
+        theta, s = la.eigh(self.projection[:used, :used], check_finite=False, driver="evd")
+        return theta, s, np.linalg.norm(self.coupling @ s[used - self.coupling.shape[1] :], axis=0)
+
+    def vectors(self, theta: FloatArray, s: FloatArray) -> FloatArray:
+        """Ritz vectors after one more, implicit, application of the operator: X = V S + V_next B S_last / theta."""
+        tail = self.coupling @ s[s.shape[0] - self.coupling.shape[1] :] / theta
+        return np.asarray(self.basis[:, self.locked : self.last] @ s + self.basis[:, self.last : self.size] @ tail)
+
+    def restart(self, theta: FloatArray, s: FloatArray) -> None:
+        """Thick restart: keep the Ritz vectors V S and the residual block, which couples to all of them."""
+        low, keep, wide = self.locked, theta.size, self.size - self.last
+        residual = self.basis[:, self.last : self.size].copy()
+        for start in range(0, self.basis.shape[0], CHUNK):
+            rows = slice(start, start + CHUNK)
+            self.basis[rows, low : low + keep] = self.basis[rows, low : self.last] @ s
+        self.basis[:, low + keep : low + keep + wide] = residual
+        self.projection[:] = 0.0
+        self.projection[:keep, :keep] = np.diag(theta)
+        self.last, self.size, self._images = low + keep, low + keep + wide, None
+
+
+def norms(block: FloatArray, image: FloatArray) -> FloatArray:
+    """Mass norms of columns, (k,), from the block and M times it."""
+    return np.asarray(np.sqrt(np.maximum(np.einsum("ij,ij->j", block, image), 0.0)))
+
+
+def factored(block: FloatArray, image: FloatArray, limit: float) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """block = Q B with Q^T M Q = I, given image = M block; also M Q. Directions not larger than `limit` are left out."""
+    size = norms(block, image)
+    live = size > limit
+    q, image, b = block[:, live] / size[live], image[:, live] / size[live], np.diag(size)[live]
+    for cut in (DEPENDENT, 0.0):
+        gram = q.T @ image
+        values, vectors = la.eigh(0.5 * (gram + gram.T), check_finite=False) if gram.size else (gram[0:0, 0:0].ravel(), gram)
+        keep = values > max(cut, EPS * gram.shape[0])
+        root, vectors = np.sqrt(values[keep]), vectors[:, keep]
+        q, image, b = q @ (vectors / root), image @ (vectors / root), root[:, None] * (vectors.T @ b)
+    return q, image, b
