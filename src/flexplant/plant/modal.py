@@ -161,14 +161,17 @@ def modal_plant(
         input_units=columns.units,
         output_units=rows.units,
         name=name,
-        report={
-            "modes_kept": omega.size,
-            "coupled_coordinates": int(system.basis.shape[1]),
-            "highest_frequency_hz": float(modes.frequency_hz[-1]) if omega.size else 0.0,
-            "static_correction": correction is not None,
-            **damping.report,
-        },
+        report=_kept_report(system, modes, correction) | damping.report,
     )
+
+
+def _kept_report(system: System, modes: Modes, correction: FloatArray | None) -> dict[str, Any]:
+    return {
+        "modes_kept": len(modes),
+        "coupled_coordinates": int(system.basis.shape[1]),
+        "highest_frequency_hz": float(modes.frequency_hz[-1]) if len(modes) else 0.0,
+        "static_correction": correction is not None,
+    }
 
 
 def _correction(system: System, forces: Any, rows: OutputRows, modes: Modes) -> FloatArray:
