@@ -47,18 +47,18 @@ def checked_matrix(matrix: Any, shape: tuple[int | None, int | None], what: str)
 
     Raises ModelError with both shapes, or the row and column of the first entry that is not finite.
     """
-    if np.iscomplexobj(matrix):
-        raise ModelError(f"{what} is complex; give real matrices (structural damping is a choice of the plant's damping)")
-    if is_sparse(matrix):
-        out = sp.csr_array(matrix, dtype=np.float64, copy=True)
+    try:
+        given = matrix if is_sparse(matrix) else np.array(matrix)
+        if np.iscomplexobj(given):
+            raise ModelError(f"{what} is complex; give real matrices (structural damping is a choice of the plant's damping)")
+        out: Any = sp.csr_array(given, dtype=np.float64, copy=True) if is_sparse(given) else given.astype(np.float64, copy=False)
+    except (TypeError, ValueError) as error:
+        if isinstance(error, ModelError):
+            raise
+        raise ModelError(f"{what} is not a real numeric matrix ({error})") from None
+    if is_sparse(out):
         out.sum_duplicates()
-        data = out.data
-    else:
-        try:
-            out = np.array(matrix, dtype=np.float64)
-        except (TypeError, ValueError) as error:
-            raise ModelError(f"{what} is not a real numeric matrix ({error})") from None
-        data = out
+    data: Any = out.data if is_sparse(out) else out
     if out.ndim != 2 or any(want is not None and want != got for want, got in zip(shape, out.shape, strict=False)):
         wanted = "(" + ", ".join("any" if s is None else str(s) for s in shape) + ")"
         raise ModelError(f"{what} has shape {out.shape}, but {wanted} is needed")

@@ -22,7 +22,10 @@ def damping_ratios(ratio: DampingRatio, frequency_hz: FloatArray, what: str = "d
     ratio: one value; one value a mode (n,); or a table [(frequency_hz, ratio), ...], linear between its points and
     constant outside. A list of two-element rows is a table. Raises ModelError for negative, NaN or miscounted values.
     """
-    given = np.asarray(ratio, dtype=float)
+    try:
+        given = np.asarray(ratio, dtype=float)
+    except (TypeError, ValueError):
+        raise ModelError(f"{what}: values must be numbers, got {ratio!r}") from None
     n = frequency_hz.size
     if given.size and (not np.isfinite(given).all() or given.min() < 0):
         raise ModelError(f"{what}: values must be finite and not negative, got {ratio!r}")
