@@ -25,7 +25,7 @@ def check_rotation(rotation: npt.ArrayLike, what: str) -> FloatArray:
         raise ModelError(
             f"{what}: not a right-handed rotation (singular values {np.round(s, 6)}, det {np.linalg.det(given):.4g})"
         )
-    return np.asarray(frozen(u @ vt)) if abs(s - 1).max() > 4e-16 else given
+    return np.asarray(frozen(u @ vt)) if abs(s - 1).max() > 1e-14 else given
 
 
 def cylindrical_frame(position: npt.ArrayLike, origin: npt.ArrayLike, axes: npt.ArrayLike) -> FloatArray:
