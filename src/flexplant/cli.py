@@ -68,9 +68,17 @@ def _progress(quiet: bool) -> Iterator[Callable[[str, float], None] | None]:
     from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
     columns = (TextColumn("{task.description:<44}"), BarColumn(), TextColumn("{task.percentage:>3.0f} %"), TimeElapsedColumn())
-    with Progress(*columns, console=Console(stderr=True)) as bar:
-        task = bar.add_task("start", total=1.0)
-        yield lambda text, share: bar.update(task, description=text, completed=share)
+    bar = Progress(*columns, console=Console(stderr=True))
+    task = bar.add_task("start", total=1.0)
+
+    def show(text: str, share: float) -> None:
+        bar.start()  # not before the first step, so that a bad study file is told in one line
+        bar.update(task, description=text, completed=share)
+
+    try:
+        yield show
+    finally:
+        bar.stop()
 
 
 def _version(show: bool) -> None:

@@ -42,13 +42,15 @@ def line_of_sight(spec: LineOfSightSpec, plant: ModalPlant) -> LineOfSightResult
     hz = frequency_grid(spec.frequency, seen, also=tuple((f.peak_hz, 1 / (2 * f.peak)) for f in figures))
     gains = {case: singular_values(frequency_response(loop, hz)) for case, loop in loops.items()}
     histories = _histories(spec, wheel, loops)
-    peaks = {case: _flexible_peak(parameters, seen, case) for case in CASES}
+    peaks = {case: _peak(values, seen) for case, values in gains.items()}
+    norms = {case: _flexible_norm(parameters, seen, case) for case in CASES}
     contribution = contributions(plant, list(wheel.inputs), spec)
     return LineOfSightResult(
         parameters=parameters,
         wheel=wheel,
         singular_values=gains,
         peak_gain=peaks,
+        flexible_norm=norms,
         closed_loop=frequency_response(closed_loop_transfer(parameters), hz),
         sensitivity=frequency_response(output_sensitivity(parameters), hz),
         histories=histories,
@@ -56,7 +58,12 @@ def line_of_sight(spec: LineOfSightSpec, plant: ModalPlant) -> LineOfSightResult
         flexible_hz=plant.frequency_hz[plant.n_rigid :],
         contribution=contribution,
         figures=figures,
-        tables=(_loop_table(figures), _spot_table(histories), _peak_table(peaks), _contribution_table(plant, contribution)),
+        tables=(
+            _loop_table(figures),
+            _spot_table(histories),
+            _peak_table(peaks, norms),
+            _contribution_table(plant, contribution),
+        ),
     )
 
 
@@ -91,8 +98,17 @@ def _sweep(spec: SweepSpec, wheel: Wheel, loops: dict[str, Diagram]) -> xr.Datas
     return wheel_speed_sweep(loops, wheel, np.linspace(spec.from_hz, spec.to_hz, spec.points))
 
 
-def _flexible_peak(parameters: LineOfSight, plant: ModalPlant, case: str) -> HinfNorm:
-    """H-infinity norm of the flexible motion: a free body's own gain is infinite at 0 Hz, open and closed loop."""
+def _peak(values: xr.DataArray, plant: ModalPlant) -> tuple[float, float]:
+    """(largest singular value, Hz) from half the first flexible mode up: below, the free body as a whole moves without bound."""
+    flexible = plant.frequency_hz[plant.n_rigid :]
+    lowest = 0.5 * flexible[0] if flexible.size else 0.0
+    hz, largest = values["frequency"].values, values.isel(index=0).values
+    place = int(np.argmax(np.where(hz >= lowest, largest, 0.0)))
+    return float(largest[place]), float(hz[place])
+
+
+def _flexible_norm(parameters: LineOfSight, plant: ModalPlant, case: str) -> HinfNorm:
+    """H-infinity norm of the flexible motion alone: with rigid-body modes it is infinite at 0 Hz, open and closed loop."""
     return hinf_norm(close(line_of_sight_diagram(parameters, without_rigid_body(plant), closed=case == "closed loop")))
 
 
@@ -136,9 +152,10 @@ def _spot_table(histories: dict[float, dict[str, xr.Dataset]]) -> Table:
     return Table("Spot motion on the sensor", columns, tuple(rows))
 
 
-def _peak_table(peaks: dict[str, HinfNorm]) -> Table:
-    rows = tuple((case, peak.value, peak.frequency_hz) for case, peak in peaks.items())
-    return Table("H-infinity norm, wheel to spot, flexible motion", ("case", "m per N or N m", "Hz"), rows)
+def _peak_table(peaks: dict[str, tuple[float, float]], norms: dict[str, HinfNorm]) -> Table:
+    rows = tuple((case, value, hz, norms[case].value, norms[case].frequency_hz) for case, (value, hz) in peaks.items())
+    columns = ("case", "largest singular value", "Hz", "H-infinity norm, flexible motion alone", "Hz ")
+    return Table("Wheel to spot, m per N or N m", columns, rows)
 
 
 def _contribution_table(plant: ModalPlant, contribution: dict[str, FloatArray], count: int = 6) -> Table:

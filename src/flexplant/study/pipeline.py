@@ -40,9 +40,8 @@ def run_study(
     progress: called with the name of each step and the share done before it. A failed check is a value in `.checks`, not an
     error. Raises StudyError for a study file that cannot be used, and the errors of the steps.
     """
-    steps = _Steps(progress)
     study = load_study(path, allow_outside=allow_outside)
-    folder = Path(path).parent
+    folder, steps = Path(path).parent, _Steps(progress)
     with output_folder(output) if output is not None else nullcontext() as work:
         result = _result(study, folder, steps)
         if work is None or output is None:

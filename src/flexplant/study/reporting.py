@@ -137,7 +137,7 @@ def _spot_items(loop: LineOfSightResult) -> Iterator[Item]:
 
 def _loop_items(result: StudyResult, loop: LineOfSightResult) -> Iterator[Item]:
     f = loop.figures[0]
-    marks = [Mark(p.frequency_hz, f"{case}: {p.frequency_hz:.4g} Hz", p.value) for case, p in loop.peak_gain.items()]
+    marks = [Mark(hz, f"{case}: {hz:.4g} Hz", value) for case, (value, hz) in loop.peak_gain.items()]
     yield Plot(
         singular_values(loop.singular_values, unit="m per N or N m", marks=marks), "From the six wheel inputs to the spot."
     )

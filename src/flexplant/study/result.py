@@ -43,16 +43,18 @@ class TruthResult:
 class LineOfSightResult:
     """The loop and what the wheel does to the spot.
 
-    singular_values: case ("open loop", "closed loop") -> (any, frequency), m per N or N m. peak_gain: case -> H-infinity norm of
-    the flexible motion. closed_loop, sensitivity: complex responses of the control system. histories: wheel speed
-    in Hz -> case -> Dataset of the spot over time. sweep: RMS and amplitudes over wheel speed, or None. contribution: output ->
-    residue of each flexible mode (of flexible_hz) over the largest. figures: of each axis of the loop.
+    singular_values: case ("open loop", "closed loop") -> (frequency, index), m per N or N m. peak_gain: case -> (largest singular
+    value of the flexible range, Hz). flexible_norm: case -> H-infinity norm without the rigid-body modes. closed_loop,
+    sensitivity: complex responses of the control system. histories: wheel speed in Hz -> case -> Dataset of the spot over time.
+    sweep: RMS and amplitudes over wheel speed, or None. contribution: output -> residue of each flexible mode (of flexible_hz)
+    over the largest. figures: of each axis of the loop.
     """
 
     parameters: LineOfSight
     wheel: Wheel
     singular_values: Mapping[str, xr.DataArray]
-    peak_gain: Mapping[str, HinfNorm]
+    peak_gain: Mapping[str, tuple[float, float]]
+    flexible_norm: Mapping[str, HinfNorm]
     closed_loop: xr.DataArray
     sensitivity: xr.DataArray
     histories: Mapping[float, Mapping[str, xr.Dataset]]

@@ -1,0 +1,125 @@
+"""The example study: every published figure that the surrogate can be held to."""
+
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from flexplant.study.examples import example_study
+from flexplant.study.pipeline import run_study
+from flexplant.study.result import StudyResult
+
+PUBLISHED_HZ = [107.0, 112.8, 114.9, 139.3]
+FEW = "frequency: {frequency_hz: [15, 40, 70, 107.0, 112.755, 250, 400]}"  # of the unreduced model: each takes a while
+
+
+@pytest.fixture(scope="module")
+def result(tmp_path_factory: pytest.TempPathFactory) -> StudyResult:
+    """The example with a short comparison with the unreduced model."""
+    folder = tmp_path_factory.mktemp("shocksat") / "data"
+    shutil.copytree(example_study("shocksat").parent, folder)
+    study = folder / "study.yaml"
+    long = "frequency: {from_hz: 10, to_hz: 500, points: 99, spacing: linear}"
+    assert long in study.read_text()
+    study.write_text(study.read_text().replace(long, FEW))
+    return run_study(study, output=folder / "out")
+
+
+def test_all_checks_pass(result):
+    assert result.checks.passed, str(result.checks)
+
+
+def test_table_2_within_a_tenth_of_a_percent(result):
+    """Dual assembly beside MYSTRAN's whole model, and beside the published four frequencies."""
+    rows = [row for row in result.compared.table.rows if not str(row[0]).startswith("Rigid")]
+    assert [row[0] for row in rows] == ["Axial 1", "X bending 1", "Axial 2", "Y bending 1"]
+    assert max(abs(row[4]) for row in rows) < 0.1
+    np.testing.assert_allclose([row[2] for row in rows], PUBLISHED_HZ, rtol=1e-3)
+    np.testing.assert_allclose([row[3] for row in rows], PUBLISHED_HZ, rtol=1.2e-3)
+    assert result.compared.lowest_mac > 0.9999
+
+
+def test_rigid_body_modes_lie_five_orders_below(result):
+    rows = [row for row in result.compared.table.rows if str(row[0]).startswith("Rigid")]
+    assert len(rows) == 6
+    assert max(row[3] for row in rows) < 1e-5 * 107.0
+    assert (result.modes.frequency_hz[:6] == 0.0).all()
+
+
+def test_all_errors_are_those_of_a_truncated_basis(result):
+    """A reduced basis can only stiffen: every frequency is above the whole model's, and less than 0.5 % so."""
+    error = result.compared.every.error_percent
+    assert error.size == 61
+    assert error.min() > -1e-4
+    assert error.max() < 0.5
+
+
+def test_figure_4_plant_over_the_unreduced_model(result):
+    truth = result.truth
+    direct, plant = truth.direct.values[0, 0], truth.plant.values[0, 0]
+    local = abs(plant / direct - 1)
+    np.testing.assert_array_less(local[:3], 0.01)
+    peak = abs(direct).max()
+    assert abs(plant - direct)[:6].max() < 0.15 * peak, "a frequency error of 0.05 % beside a half bandwidth of 0.5 %"
+    assert abs(truth.uncorrected.values[0, 0, -1] / direct[-1]) < 0.2, "above 300 Hz the truncated plant rolls off"
+
+
+def test_figure_9_loop_numbers(result):
+    for axis in result.line_of_sight.figures:
+        assert axis.peak_hz == pytest.approx(675.4, rel=1e-3)
+        assert axis.bandwidth_hz == pytest.approx(1049.4, rel=1e-3)
+        assert axis.rejection_hz == pytest.approx(434.8, rel=1e-3)
+        assert axis.phase_margin_deg == pytest.approx(0.81, abs=0.005)
+
+
+def test_figure_9_singular_values_resolve_the_resonances(result):
+    """The plotted peak is the norm of the flexible motion, but for what the rigid body adds at that frequency."""
+    loop = result.line_of_sight
+    assert loop.peak_gain["open loop"][1] == pytest.approx(112.8, rel=1e-3)
+    assert loop.peak_gain["closed loop"][1] == pytest.approx(675.4, rel=1e-3)
+    for case, tolerance in (("open loop", 0.02), ("closed loop", 0.15)):
+        norm, (value, hz) = loop.flexible_norm[case], loop.peak_gain[case]
+        assert value == pytest.approx(norm.value, rel=tolerance)
+        assert hz == pytest.approx(norm.frequency_hz, rel=1e-3)
+    assert loop.flexible_norm["closed loop"].value < 0.05 * loop.flexible_norm["open loop"].value
+
+
+def test_axial_modes_are_absent_from_x_and_y(result):
+    loop = result.line_of_sight
+    x, y, z = (loop.contribution[f"optic.9101.{d}"] for d in (1, 2, 3))
+    assert loop.flexible_hz[0] == pytest.approx(107.0, rel=1e-3)
+    assert z[0] > 0.1
+    assert max(x[0], y[0]) < 1e-9
+    assert any("107.0 Hz" in text and "do not reach the spot" in text for text in result.summary)
+
+
+def test_figures_7_and_8_spot_open_and_closed(result):
+    loop = result.line_of_sight
+    assert list(loop.histories) == [20.0, 56.4]
+    for speed in loop.histories:
+        assert loop.rms(speed, "closed loop") < 0.05 * loop.rms(speed, "open loop")
+    assert loop.rms(56.4, "open loop") > 10 * loop.rms(20.0, "open loop"), "the second harmonic meets the first x-bending mode"
+    assert abs(loop.histories[56.4]["closed loop"]["outputs"]).max() < 1e-6, "below a micron, as published"
+
+
+def test_the_report_says_that_it_is_a_surrogate_and_shows_the_structure(result):
+    page = result.files["report"].read_text()
+    assert "surrogate" in page
+    assert "X bending 1" in page
+    assert "0.81" in page
+    for component in ("bus.OU1", "optic.OU1"):
+        assert component in page
+    assert len(result.study.report.mode_shapes) == 10
+
+
+@pytest.mark.slow
+def test_the_demo_runs_from_an_empty_folder(tmp_path: Path):
+    code = "from flexplant.cli import main; main()"
+    done = subprocess.run([sys.executable, "-c", code, "demo"], cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    names = {path.name for path in (tmp_path / "flexplant-demo").iterdir()}
+    assert {"report.html", "plant.npz", "plant.mat", "results.nc", "tables.txt"} <= names
+    assert "All checks passed" in done.stdout
