@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 from beam_systems import beam, one_beam_matrices, two_beams
 
-from flexplant.assembly import Connection, couple
+from flexplant.assembly import Connection, System, couple
 from flexplant.errors import InputError
+from flexplant.model.component import Component
 from flexplant.modes import normal_modes
 from flexplant.plant.descriptor import descriptor
 from flexplant.plant.modal import modal_plant, select
@@ -215,3 +216,34 @@ def test_unknown_names_are_answered_with_near_ones(inputs, outputs, message):
 def test_unknown_damping_choice():
     with pytest.raises(InputError, match=r"off_diagonal_damping='dropp'.*drop"):
         modal_plant(two_beams(), inputs=INPUTS, outputs=OUTPUTS, off_diagonal_damping="dropp")
+
+
+def three_beams() -> System:
+    """Three beams that meet at x = 1: every pair is connected, so one of the three connections is redundant."""
+    parts = [beam("a", 0.0, 1.0, 2), beam("b", 1.0, 1.6, 2, first=11), beam("c", 1.0, 2.5, 2, first=21)]
+    pairs = {"a-b": ("a", "b", (3, 11)), "b-c": ("b", "c", (11, 21)), "a-c": ("a", "c", (3, 21))}
+    return couple(parts, [Connection(x, y, pairs=[pair], name=name) for name, (x, y, pair) in pairs.items()])
+
+
+def test_forces_of_redundant_constraints_are_refused_and_the_others_balance():
+    system = three_beams()
+    assert len(system.redundant) == 6
+    left_out = system.redundant[0].split(".")[0]
+    with pytest.raises(InputError, match="follows from other constraints, so its force is not unique"):
+        modal_plant(system, inputs=["a.1.1"], outputs=[f"{left_out}.force.{system.redundant[0].split('.')[1]}.1"])
+    kept = sorted({label.split(".")[0] for label in system.constraint_labels})
+    force = {name: next(x for x in system.constraint_labels if x.startswith(name) and x.endswith(".1")) for name in kept}
+    outputs = [x.replace(f"{name}.", f"{name}.force.") for name, x in force.items()] + ["a.1.1:a"]
+    G = np.asarray(frequency_response(modal_plant(system, inputs=["a.1.1"], outputs=outputs, damping_ratio=0.01), [0.2]))[:, 0, 0]
+    on_a = sum(g for name, g in zip(kept, G, strict=False) if name.startswith("a-"))
+    assert (1 - on_a).real == pytest.approx(1.0 / 3.1, rel=1e-5)  # a keeps the share of its own mass
+
+
+def test_a_massless_coordinate_is_static_compliance():
+    """A massless extra DOF on a spring: no mode carries it, the static correction does."""
+    K = np.array([[4.0, -3.0], [-3.0, 3.0]]) * 1e4
+    part = Component(name="c", mass=np.diag([2.0, 0.0]), stiffness=K, boundary=[(1, 1), (2, 1)])
+    plant = modal_plant(couple([part], []), inputs=["c.2.1"], outputs=["c.2.1", "c.1.1"], damping_ratio=0.01)
+    assert plant.n_modes == 1
+    assert np.allclose(frequency_response(plant, [0.0]).values[:, 0, 0], np.linalg.solve(K, [0.0, 1.0])[::-1], rtol=1e-12)
+    assert plant.static_correction[0, 0] == pytest.approx(1 / 3e4, rel=1e-12)
