@@ -9,6 +9,7 @@ import scipy.linalg as la
 
 from flexplant.model.arrays import FloatArray
 
+NEGATIVE = -1e-8  # of a unit diagonal: below this an eigenvalue is negative, not the rounding of a single-precision file
 EPS = float(np.finfo(float).eps)
 
 
@@ -34,8 +35,8 @@ def jacobi_scale(matrix: FloatArray) -> FloatArray:
 def split_semidefinite(matrix: FloatArray, *, tolerance: float | None = None) -> Split:
     """Split R^n into range and null space of a symmetric positive semi-definite (n, n) matrix.
 
-    Eigenvalues of D A D (unit diagonal) at or below `tolerance` (default 10 n eps) count as zero; coordinates whose row
-    vanishes are null exactly. Basis vectors come back in the original coordinates.
+    Eigenvalues of D A D (unit diagonal) at or below `tolerance` (default 10 n eps) count as zero, clearly negative ones do
+    not; coordinates whose row vanishes are null exactly. Basis vectors come back in the original coordinates.
     """
     n = matrix.shape[0]
     d = jacobi_scale(matrix)
@@ -45,7 +46,7 @@ def split_semidefinite(matrix: FloatArray, *, tolerance: float | None = None) ->
         la.eigh(d[live, None] * matrix[np.ix_(live, live)] * d[None, live]) if live.size else (np.zeros(0), np.zeros((0, 0)))
     )
     limit = 10 * n * EPS if tolerance is None else tolerance
-    zero = values <= limit
+    zero = (values <= limit) & (values >= NEGATIVE)
     full = np.zeros((n, live.size))
     full[live] = d[live, None] * vectors
     return Split(full[:, ~zero], np.hstack([np.eye(n)[:, dead], full[:, zero]]), float(values.min(initial=0.0)))
