@@ -138,9 +138,7 @@ def _spot_items(loop: LineOfSightResult) -> Iterator[Item]:
 def _loop_items(result: StudyResult, loop: LineOfSightResult) -> Iterator[Item]:
     f = loop.figures[0]
     marks = [Mark(hz, f"{case}: {hz:.4g} Hz", value) for case, (value, hz) in loop.peak_gain.items()]
-    yield Plot(
-        singular_values(loop.singular_values, unit="m per N or N m", marks=marks), "From the six wheel inputs to the spot."
-    )
+    yield Plot(singular_values(loop.singular_values, unit="m per N or N m", marks=marks), _gain_caption(result, f.peak_hz))
     closed = [
         Mark(f.peak_hz, f"peak {f.peak_hz:.1f} Hz", _db(f.peak)),
         Mark(f.bandwidth_hz, f"{f.bandwidth_hz:.1f} Hz", HALF_POWER_DB),
@@ -158,6 +156,17 @@ def _loop_items(result: StudyResult, loop: LineOfSightResult) -> Iterator[Item]:
     hz = result.plant.frequency_hz[result.plant.n_rigid :]
     caption = "How strongly each mode connects the wheel with the lens, per direction; an axial mode is absent from x and y."
     yield Plot(mode_contributions(hz, loop.contribution), caption)
+
+
+def _gain_caption(result: StudyResult, peak_hz: float) -> str:
+    limit = result.study.plant.max_frequency_hz
+    text = "From the six wheel inputs to the spot. Below the first flexible mode the free body moves as a whole."
+    if limit is None or limit > peak_hz:
+        return text
+    return (
+        f"{text} Above {limit:g} Hz the plant keeps only the static response of its truncated modes: the loop's own peak near "
+        f"{peak_hz:.0f} Hz is real, but what the structure feeds into it there is not resolved."
+    )
 
 
 def _db(value: float) -> float:
