@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeGuard
 
 import numpy as np
 import numpy.typing as npt
@@ -17,6 +17,11 @@ from flexplant.model.geometry import check_rotation
 
 GROUND = "ground"
 OFFSETS = ("rigid", "ignore", "forbid")
+
+
+def is_whole(number: object) -> TypeGuard[int]:
+    """True for an int, Python's or numpy's."""
+    return isinstance(number, (int, np.integer))
 
 
 def is_dof_pair(pair: object) -> bool:

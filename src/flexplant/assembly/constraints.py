@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 
-from flexplant.assembly.connection import GROUND, Connection
-from flexplant.assembly.matching import DofPair, default_tolerance, find_component, node_pairs
+from flexplant.assembly.connection import GROUND, Connection, is_whole
+from flexplant.assembly.matching import default_tolerance, find_component, node_pairs
 from flexplant.errors import CouplingError, ModelError
 from flexplant.model.arrays import FloatArray
 from flexplant.model.component import Component
@@ -152,9 +152,9 @@ def _existing(connection: Connection, terms: Terms, sides: tuple[_Side, _Side | 
     return terms
 
 
-def _coordinate_row(connection: Connection, pair: DofPair, components: Mapping[str, Component]) -> Row:
+def _coordinate_row(connection: Connection, pair: Any, components: Mapping[str, Component]) -> Row:
     terms: Terms = {}
-    if len(pair) != 2 or pair[1] is None or not all(len(side) == 2 for side in pair):  # type: ignore[arg-type]
+    if not all(isinstance(side, (tuple, list)) and len(side) == 2 and all(map(is_whole, side)) for side in pair):
         raise CouplingError(f"connection {connection.name!r}: {pair!r} is not ((node, direction), (node, direction))")
     for name, dof, sign in ((connection.a, pair[0], 1.0), (connection.b, pair[1], -1.0)):
         component = components[name]

@@ -8,14 +8,13 @@ from typing import TypeAlias
 import numpy as np
 from scipy.spatial import cKDTree
 
-from flexplant.assembly.connection import GROUND, Connection
+from flexplant.assembly.connection import GROUND, Connection, is_whole
 from flexplant.errors import CouplingError, nearest
 from flexplant.model.arrays import FloatArray
 from flexplant.model.component import Component
 from flexplant.model.geometry import Placement
 
 Pair: TypeAlias = tuple[int, int | None]
-DofPair: TypeAlias = tuple[tuple[int, int], tuple[int, int] | None]
 POSITION_TOLERANCE = 1e-6  # of the larger component's extent, when the connection names no tolerance
 
 
@@ -52,13 +51,13 @@ def node_pairs(connection: Connection, components: Mapping[str, Component], plac
 def _node_pair(connection: Connection, pair: object) -> Pair:
     if connection.b == GROUND:
         node = pair[0] if isinstance(pair, (tuple, list)) and tuple(pair[1:]) in ((), (None,)) else pair
-        if isinstance(node, (int, np.integer)):
+        if is_whole(node):
             return int(node), None
         raise CouplingError(
             f"connection {connection.name!r}: {pair!r} is not a node to ground; list node ids and name directions, for example "
             "pairs=[101, 102], directions='123'"
         )
-    if isinstance(pair, (tuple, list, np.ndarray)) and len(pair) == 2 and all(isinstance(n, (int, np.integer)) for n in pair):
+    if isinstance(pair, (tuple, list, np.ndarray)) and len(pair) == 2 and all(map(is_whole, pair)):
         return int(pair[0]), int(pair[1])
     raise CouplingError(f"connection {connection.name!r}: {pair!r} is not a pair of node ids such as (101, 201)")
 
