@@ -14,7 +14,7 @@ from flexplant.model.arrays import FloatArray
 from flexplant.plant.modal import ModalPlant
 
 ComplexArray: TypeAlias = npt.NDArray[np.complex128]
-BLOCK = 1024  # frequencies whose modal transfer functions stay in cache
+BLOCK = 128  # frequencies whose modal transfer functions stay in cache
 RIGID_ROUND_OFF = 1e-9  # rigid-body response relative to its terms, below which it is taken as cancelled at 0 Hz
 WELL_CONDITIONED = 1e5  # eigenvectors up to which pole-residue sums keep about eleven digits
 
@@ -62,14 +62,20 @@ def _add_flexible(
 ) -> None:
     """out[rows] += residues (i w)^order / (wn^2 - w^2 + 2 i zeta wn w), real and imaginary parts by two real products."""
     shape = (rows.size, out.shape[1], -1)
+    buffers = np.empty((3, modal_omega.size, BLOCK))  # reused: fresh arrays of this size cost more than the arithmetic
     for start in range(0, omega.size, BLOCK):
         at = slice(start, start + BLOCK)
         w = omega[at]
-        real = (modal_omega[:, None] - w) * (modal_omega[:, None] + w)
-        imaginary = np.multiply.outer(2 * zeta * modal_omega, w)
-        scale = 1 / (real * real + imaginary * imaginary)
+        real, imaginary, scale = buffers[:, :, : w.size]
+        np.subtract.outer(modal_omega, w, out=real)
+        real *= np.add.outer(modal_omega, w, out=scale)
+        np.multiply.outer(2 * zeta * modal_omega, w, out=imaginary)
+        np.multiply(real, real, out=scale)
+        scale += imaginary * imaginary
+        np.reciprocal(scale, out=scale)
         real *= scale
-        imaginary *= -scale
+        imaginary *= scale
+        np.negative(imaginary, out=imaginary)
         h_real, h_imaginary = (residues @ real).reshape(shape), (residues @ imaginary).reshape(shape)
         if order == 1:
             h_real, h_imaginary = -w * h_imaginary, w * h_real
