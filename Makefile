@@ -26,7 +26,7 @@ test-all: .venv/ready-dev
 	$(ONE_THREAD) $(BIN)/python -m pytest -n $(WORKERS) -m ""
 
 bench: .venv/ready-bench
-	@for script in benchmarks/[a-z]*.py; do echo "== $$script"; $(ONE_THREAD) $(BIN)/python "$$script" || exit 1; done
+	@for script in benchmarks/bench_*.py; do echo "== $$script"; $(ONE_THREAD) $(BIN)/python "$$script" || exit 1; done
 
 lint: .venv/ready-dev
 	$(BIN)/ruff check .

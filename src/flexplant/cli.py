@@ -159,10 +159,10 @@ def check(
 def couple(
     files: Annotated[list[Path], typer.Argument(help="Component files, named after the files.")],
     connect: Annotated[
-        list[str],
+        list[str] | None,
         typer.Option("--connect", "-c", help="a:b:node,node (the same ids on both sides), or a:b for matching by position."),
-    ] = [],  # noqa: B006 - typer copies it
-    ground: Annotated[list[str], typer.Option(help="component:node,node to hold fixed.")] = [],  # noqa: B006
+    ] = None,
+    ground: Annotated[list[str] | None, typer.Option(help="component:node,node to hold fixed.")] = None,
     method: Annotated[str, typer.Option(help="dual or primal.")] = "dual",
     max_frequency: Annotated[float | None, typer.Option(help="Highest frequency listed, Hz.")] = None,
     rigid_body_modes: Annotated[int, typer.Option(help="Expected number of rigid-body modes.")] = 6,
@@ -180,7 +180,7 @@ def couple(
     from flexplant.verification import verify
 
     components = [read_component(file, format=format, units=units, name=file.stem) for file in files]
-    connections = [parse_connection(text) for text in connect] + [parse_ground(text) for text in ground]
+    connections = [parse_connection(text) for text in connect or []] + [parse_ground(text) for text in ground or []]
     system = assemble(components, connections, method=method)
     modes = normal_modes(system, max_frequency_hz=max_frequency)
     report = verify(system, rigid_body_modes=rigid_body_modes, modes=modes)

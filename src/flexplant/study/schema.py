@@ -2,43 +2,25 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-from typing import Annotated, Literal
+from typing import Literal
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationInfo, model_validator
+from pydantic import Field, model_validator
 
-Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
-NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
-Finite = Annotated[float, Field(allow_inf_nan=False)]
-Vector = tuple[Finite, Finite, Finite]
-Rotation = tuple[Vector, Vector, Vector]
-NodeId = int
-Directions = Annotated[str, Field(pattern="^[0-6]+$")]
-DampingRatio = NotNegative | list[NotNegative] | list[tuple[NotNegative, NotNegative]]
-
-
-def _inside(text: str, info: ValidationInfo) -> str:
-    """The path as given, after checking that it exists and lies in the study's folder."""
-    context = info.context
-    if context is None:
-        return text
-    folder = Path(context["folder"]).resolve()
-    path = (folder / text).resolve()
-    if not context["allow_outside"] and not path.is_relative_to(folder):
-        raise ValueError(f"{text!r} lies outside the study's folder; move the file there or allow it with --allow-outside")
-    if not path.is_file():
-        raise ValueError(f"there is no file {text!r} in the study's folder {folder}")
-    return text
+from flexplant.study.fields import (
+    DampingRatio,
+    Directions,
+    Finite,
+    NodeId,
+    NotNegative,
+    Positive,
+    Rotation,
+    Section,
+    StudyPath,
+    Vector,
+)
 
 
-StudyPath = Annotated[str, AfterValidator(_inside)]
-
-
-class _Section(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-
-class PlacementSpec(_Section):
+class PlacementSpec(Section):
     """Where a component stands in the system: x_system = rotation x_component + translation."""
 
     rotation: Rotation = Field(
@@ -48,14 +30,14 @@ class PlacementSpec(_Section):
     translation: Vector = Field(default=(0, 0, 0), description="metres")
 
 
-class UnitsSpec(_Section):
+class UnitsSpec(Section):
     """A consistent unit system by its size; time is the second."""
 
     length_m: Positive = Field(description="one unit of length in metres")
     mass_kg: Positive = Field(description="one unit of mass in kilograms")
 
 
-class ComponentSpec(_Section):
+class ComponentSpec(Section):
     """One component; its key is its name in connections and channel names."""
 
     file: StudyPath = Field(description="model file, relative to the study's folder")
@@ -71,7 +53,7 @@ class ComponentSpec(_Section):
     placement: PlacementSpec | None = Field(default=None, description="rotation and translation; left out: not moved")
 
 
-class ConnectionSpec(_Section):
+class ConnectionSpec(Section):
     """Two components joined node by node."""
 
     a: str = Field(description="first component")
@@ -110,7 +92,7 @@ class ConnectionSpec(_Section):
         return self
 
 
-class GroundSpec(_Section):
+class GroundSpec(Section):
     """Nodes of a component held fixed."""
 
     component: str = Field(description="component name")
@@ -118,7 +100,7 @@ class GroundSpec(_Section):
     directions: Directions = Field(default="123456", description="held directions, digits 1-6")
 
 
-class DampingSpec(_Section):
+class DampingSpec(Section):
     """Modal damping of the coupled system."""
 
     ratio: DampingRatio = Field(description="damping ratio: one value, or rows [frequency_hz, ratio]")
@@ -128,7 +110,7 @@ class DampingSpec(_Section):
     )
 
 
-class ReferenceSpec(_Section):
+class ReferenceSpec(Section):
     """Frequencies (and shapes) to compare the coupled modes with."""
 
     file: StudyPath | None = Field(default=None, description=".npz with frequency_hz, or text with one frequency a line")
@@ -137,6 +119,7 @@ class ReferenceSpec(_Section):
         description="reference frequencies instead of a file, rigid-body modes first",
     )
     name: str = Field(default="reference", description="what the reference is, for tables")
+    note: str = Field(default="", description="what a reader must know about the reference, shown under its table")
     limit: Positive = Field(default=1e-3, description="largest accepted relative error of the compared frequencies")
     modes: int = Field(default=4, ge=1, description="number of flexible modes held to the limit")
     labels: list[str] = Field(default=[], description="names of the first flexible modes, for tables")
@@ -152,7 +135,7 @@ class ReferenceSpec(_Section):
         return self
 
 
-class VerificationSpec(_Section):
+class VerificationSpec(Section):
     """Checks of the coupled model."""
 
     rigid_body_modes: int = Field(default=6, ge=0, le=6, description="expected number of rigid-body modes")
@@ -167,7 +150,7 @@ class VerificationSpec(_Section):
     )
 
 
-class PlantSpec(_Section):
+class PlantSpec(Section):
     """The modal plant."""
 
     inputs: list[str] = Field(min_length=1, description="force inputs: component.node.directions")
@@ -187,7 +170,7 @@ class PlantSpec(_Section):
     )
 
 
-class ResponseSpec(_Section):
+class ResponseSpec(Section):
     """Frequencies of a response: a list, or a range to which points at the resonances are added."""
 
     from_hz: Positive = Field(default=1.0, description="lowest frequency")
@@ -203,7 +186,7 @@ class ResponseSpec(_Section):
         return self
 
 
-class TruthSpec(_Section):
+class TruthSpec(Section):
     """An unreduced model of the whole, solved frequency by frequency beside the plant."""
 
     file: StudyPath = Field(description="mass and stiffness of the whole model")
@@ -216,7 +199,7 @@ class TruthSpec(_Section):
     frequency: ResponseSpec = Field(default=ResponseSpec(), description="where to compare")
 
 
-class WheelSpec(_Section):
+class WheelSpec(Section):
     """Harmonic reaction wheel (equation 34), the same amplitude for every component and harmonic."""
 
     node: str = Field(description="component.node the wheel acts on; its six directions must be plant inputs")
@@ -230,7 +213,7 @@ class WheelSpec(_Section):
     speeds_hz: list[Positive] = Field(min_length=1, description="wheel speeds of the time histories")
 
 
-class OpticsSpec(_Section):
+class OpticsSpec(Section):
     """Thin lens and flat steering mirror (equations 28-32)."""
 
     x: str = Field(description="plant output that moves the lens in x")
@@ -241,13 +224,13 @@ class OpticsSpec(_Section):
     mirror_zeta: NotNegative = Field(description="damping ratio of the steering mirror")
 
 
-class ControllerSpec(_Section):
+class ControllerSpec(Section):
     """Proportional control of the mirror (equation 33), on the spot turned into mirror angle, r / (2 f)."""
 
     proportional_gain: tuple[Positive, Positive] = Field(description="gain in x and y, V/rad")
 
 
-class TimeSpec(_Section):
+class TimeSpec(Section):
     """Time histories."""
 
     duration_s: Positive = Field(description="seconds")
@@ -260,7 +243,7 @@ class TimeSpec(_Section):
         return self
 
 
-class SweepSpec(_Section):
+class SweepSpec(Section):
     """RMS of the spot over the wheel speed."""
 
     from_hz: Positive = Field(description="lowest wheel speed")
@@ -268,7 +251,7 @@ class SweepSpec(_Section):
     points: int = Field(default=400, ge=2, le=100_000, description="number of speeds")
 
 
-class LineOfSightSpec(_Section):
+class LineOfSightSpec(Section):
     """The wheel shakes the lens, the mirror steers the spot back."""
 
     wheel: WheelSpec
@@ -282,7 +265,7 @@ class LineOfSightSpec(_Section):
     )
 
 
-class ReportSpec(_Section):
+class ReportSpec(Section):
     """What the report shows."""
 
     mode_shapes: list[int] = Field(
@@ -292,7 +275,7 @@ class ReportSpec(_Section):
     display: str = Field(default="display", description="name of the recovery that moves the display nodes")
 
 
-class StudySpec(_Section):
+class StudySpec(Section):
     """A study: components, how they are joined, what is asked of the coupled structure."""
 
     title: str = Field(min_length=1, description="title of the report")

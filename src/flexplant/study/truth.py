@@ -87,13 +87,9 @@ def _table(
     columns = (
         "band [Hz]",
         "frequencies",
-        "median [%]",
-        "largest [%]",
-        "largest, no static correction [%]",
-        "largest, viscous damping [%]",
+        "local, median [%]",
+        "of band peak, largest [%]",
+        "no static correction [%]",
+        "viscous damping [%]",
     )
-    return Table(
-        "Plant against the unreduced model: median of the local difference, largest over the peak of the band",
-        columns,
-        tuple(rows),
-    )
+    return Table("Plant against the unreduced model", columns, tuple(rows))

@@ -1,0 +1,38 @@
+"""Kinds of values in a study file, and paths that may not leave its folder."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationInfo
+
+Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
+Finite = Annotated[float, Field(allow_inf_nan=False)]
+Vector = tuple[Finite, Finite, Finite]
+Rotation = tuple[Vector, Vector, Vector]
+NodeId = int
+Directions = Annotated[str, Field(pattern="^[0-6]+$")]
+DampingRatio = NotNegative | list[NotNegative] | list[tuple[NotNegative, NotNegative]]
+
+
+def _inside(text: str, info: ValidationInfo) -> str:
+    """The path as given, after checking that it exists and lies in the study's folder."""
+    context = info.context
+    if context is None:
+        return text
+    folder = Path(context["folder"]).resolve()
+    path = (folder / text).resolve()
+    if not context["allow_outside"] and not path.is_relative_to(folder):
+        raise ValueError(f"{text!r} lies outside the study's folder; move the file there or allow it with --allow-outside")
+    if not path.is_file():
+        raise ValueError(f"there is no file {text!r} in the study's folder {folder}")
+    return text
+
+
+StudyPath = Annotated[str, AfterValidator(_inside)]
+
+
+class Section(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True)
