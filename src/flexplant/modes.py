@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import singledispatch
 from typing import Any, TypeAlias
 
@@ -17,9 +17,11 @@ from flexplant.model.arrays import FloatArray, dense, frozen, is_sparse
 from flexplant.model.component import Component, FiniteElementModel
 from flexplant.model.geometry import rigid_body_vectors
 from flexplant.numerics.eigen import Eigenpairs, dense_eigenpairs, sparse_eigenpairs
+from flexplant.numerics.factorization import factorize
 from flexplant.numerics.rank import split_semidefinite
 
 DENSE_LIMIT = 1500  # coordinates up to which a dense solution is faster than a sparse one or takes about a second
+NEARLY_ZERO = 1e-7  # the same, of motions that rounded coordinates may have disturbed
 DENSE_MAXIMUM = 12_000  # coordinates up to which all modes fit into some GB
 ZERO_ENERGY = 1e-11  # strain energy of a rigid motion relative to the same motion of `stiffness_scale`
 
@@ -181,7 +183,7 @@ def _rigid_motions(problem: _Problem) -> FloatArray:
     """
     geometric = _geometric_motions(problem)
     if problem.stiffness.shape[0] > DENSE_LIMIT:
-        return geometric if problem.candidates is not None else _lowest_energy(problem.stiffness, problem.mass)
+        return _refined(problem, geometric) if problem.candidates is not None else _lowest_energy(problem.stiffness, problem.mass)
     null = split_semidefinite(dense(problem.stiffness)).null
     null = la.orth(null) if null.shape[1] else null
     known = geometric if problem.sprung is None else la.orth(np.hstack([geometric, problem.sprung]))
@@ -189,7 +191,7 @@ def _rigid_motions(problem: _Problem) -> FloatArray:
     return np.hstack([geometric, la.orth(rest, rcond=1e-3) if (np.linalg.norm(rest, axis=0) > 1e-3).any() else rest[:, :0]])
 
 
-def _geometric_motions(problem: _Problem) -> FloatArray:
+def _geometric_motions(problem: _Problem, limit: float = ZERO_ENERGY) -> FloatArray:
     k, candidates = problem.stiffness, problem.candidates
     if candidates is None or not candidates.shape[1] or not abs(candidates).max() > 0:
         return np.zeros((k.shape[0], 0))
@@ -197,8 +199,23 @@ def _geometric_motions(problem: _Problem) -> FloatArray:
     energy = basis.T @ (k @ basis)
     local = basis.T @ (problem.diagonal[:, None] * basis)
     ratio, combination = la.eigh(energy, local + _floor(local))
-    rigid = abs(ratio) <= ZERO_ENERGY
+    rigid = abs(ratio) <= limit
     return np.asarray(la.orth(basis @ combination[:, rigid])) if rigid.any() else basis[:, :0]
+
+
+def _refined(problem: _Problem, geometric: FloatArray) -> FloatArray:
+    """Zero-energy motions of a large model: where coordinates rounded by a file leave the geometric motions a little energy,
+    inverse iteration turns them into the model's own, and their energy is judged again."""
+    nearly = _geometric_motions(problem, NEARLY_ZERO)
+    if nearly.shape[1] == geometric.shape[1]:
+        return geometric
+    k, m = problem.stiffness, problem.mass
+    motion = la.orth(nearly)
+    shift = float(np.trace(motion.T @ (k @ motion)) / np.trace(motion.T @ (m @ motion)))
+    factor = factorize(sp.csc_array(k + shift * m))
+    for _ in range(4):
+        motion = la.orth(factor.solve(m @ motion))
+    return _geometric_motions(replace(problem, candidates=motion))
 
 
 def _floor(local: FloatArray) -> FloatArray:

@@ -11,7 +11,7 @@ import scipy.sparse as sp
 
 from flexplant.errors import SolverError
 from flexplant.model.arrays import FloatArray, dense
-from flexplant.numerics.factorization import Analysis, Factor, analyze, refuse_above
+from flexplant.numerics.factorization import Analysis, Factor, analyze, factorize, refuse_above
 from flexplant.numerics.lanczos import Progress, lanczos
 from flexplant.numerics.rank import EPS, split_semidefinite
 
@@ -98,6 +98,7 @@ def sparse_eigenpairs(
     missing; `proved` says whether the backend could. A small negative shift keeps K - s M definite for free-free models.
     """
     k, m = sp.csc_array(stiffness), sp.csr_array(mass)
+    _refuse_indefinite(m)
     zero = orthonormalize(rigid, m)
     analysis = analyze(k - m)
     refuse_above(analysis.estimate, None)
@@ -161,6 +162,18 @@ def shift_invert(
             f"{count} modes lie below the limit, but only {np.count_nonzero(inside)} were found; ask for a larger limit"
         )
     return Eigenpairs(found.omega2[inside], found.vectors[:, inside], 0, limit is not None and count is not None)
+
+
+def _refuse_indefinite(mass: Any) -> None:
+    """SolverError where inertia shows a mass clearly below zero: Lanczos would return numbers that mean nothing."""
+    diagonal = abs(mass.diagonal())
+    size = np.where(diagonal > 0, diagonal, np.max(diagonal, initial=0.0) or 1.0)
+    negative = factorize(sp.csc_array(mass + sp.diags_array(INDEFINITE * size))).negative_pivots
+    if negative:
+        raise SolverError(
+            f"the coupled mass matrix is indefinite ({negative} negative eigenvalues): check the components' masses, their "
+            "units, and that every interface is coupled"
+        )
 
 
 def _small_shift(k: Any, m: Any) -> float:
