@@ -115,6 +115,29 @@ def test_the_report_says_that_it_is_a_surrogate_and_shows_the_structure(result):
     assert len(result.study.report.mode_shapes) == 10
 
 
+CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
+
+
+@pytest.mark.skipif(CHROMIUM is None, reason="no Chromium on the path (Debian: apt install chromium)")
+def test_the_report_is_drawn_in_a_browser(result, tmp_path):
+    """Every figure and the 3-D view, without an error of the page's own scripts."""
+    flags = [
+        "--headless",
+        "--no-sandbox",
+        "--disable-gpu",
+        "--disable-dev-shm-usage",
+        "--virtual-time-budget=40000",
+        "--dump-dom",
+    ]
+    command = [CHROMIUM, *flags, "--dump-dom", f"--user-data-dir={tmp_path}", result.files["report"].resolve().as_uri()]
+    page = subprocess.run(command, capture_output=True, text=True, timeout=180, check=False).stdout
+    root = page[: page.index("<head")]
+    assert 'data-state="ready"' in root
+    assert 'data-views="1"' in root
+    assert int(root.split('data-plots="')[1].split('"')[0]) == 11
+    assert "data-errors" not in root
+
+
 @pytest.mark.slow
 def test_the_demo_runs_from_an_empty_folder(tmp_path: Path):
     code = "from flexplant.cli import main; main()"
