@@ -138,10 +138,11 @@ def test_balanced_truncation_bound_and_values(dt):
     )
     assert 0 < hinf_norm(difference).upper <= found.error_bound
     assert hinf_norm(difference).value >= found.hankel_singular_values[8] * (1 - 1e-6)
+    assert balanced_truncation(system, tolerance=1e-3).error_bound <= 1e-3 * found.hankel_singular_values[0]
     if dt is None:
+        pytest.importorskip("slycot", reason="python-control needs it here; it has no wheels for this system")
         theirs = control.hankel_singular_values(control.ss(system.A, system.B, system.C, system.D))
         assert np.allclose(found.hankel_singular_values, np.sort(theirs)[::-1], rtol=1e-6)
-    assert balanced_truncation(system, tolerance=1e-3).error_bound <= 1e-3 * found.hankel_singular_values[0]
 
 
 def test_unstable_and_rigid_parts_survive_exactly():
