@@ -130,9 +130,7 @@ def model(name: str, k: sp.csr_array, m: sp.csr_array, positions: np.ndarray, di
     ids = np.arange(1, len(positions) + 1)
     dofs = fp.DofSet(np.repeat(ids, directions), np.tile(np.arange(1, directions + 1), len(ids)))
     symmetric = [sp.csr_array(0.5 * (x + x.T)) for x in (k, m)]
-    return fp.FiniteElementModel(
-        name=name, stiffness=symmetric[0], mass=symmetric[1], dofs=dofs, nodes=fp.Nodes(ids, positions)
-    )
+    return fp.FiniteElementModel(name=name, stiffness=symmetric[0], mass=symmetric[1], dofs=dofs, nodes=fp.Nodes(ids, positions))
 
 
 def held(model: fp.FiniteElementModel, count: int) -> list[tuple[int, int]]:

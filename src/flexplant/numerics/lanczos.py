@@ -72,7 +72,7 @@ def lanczos(
         if used < check and not space.exhausted and space.room:
             continue
         check = used + block * max(1, used // (10 * block))
-        theta, s, residual = space.ritz()
+        theta, _, residual = space.ritz()
         pick = _wanted(theta, n_modes, below)
         good = residual[pick] <= tolerance * abs(theta[pick])
         if progress is not None:

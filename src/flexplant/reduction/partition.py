@@ -14,7 +14,8 @@ from flexplant.errors import ModelError, SolverError
 from flexplant.model.arrays import FloatArray, IntArray, dense
 from flexplant.model.component import FiniteElementModel
 from flexplant.model.dofs import DofSet
-from flexplant.numerics.factorization import Factor, factorize
+from flexplant.numerics.eigen import count_below
+from flexplant.numerics.factorization import Analysis, Factor, analyze, factorize, refuse_above
 
 SINGULAR = 1e13  # growth of a solve beyond which the interior stiffness is singular to working precision
 SEED = 20190811
@@ -28,15 +29,24 @@ class Partition:
     boundary: DofSet
     b: IntArray
     i: IntArray
+    threads: int | None = None
+    memory_limit: float | None = None
 
     @classmethod
-    def of(cls, model: FiniteElementModel, boundary: DofSet | Iterable[tuple[int, int | str]]) -> Partition:
+    def of(
+        cls,
+        model: FiniteElementModel,
+        boundary: DofSet | Iterable[tuple[int, int | str]],
+        *,
+        threads: int | None = None,
+        memory_limit: float | None = None,
+    ) -> Partition:
         """Split at `boundary`; ModelError names missing DOF and those listed twice."""
         dofs = DofSet.of(boundary)
         if not len(dofs):
             raise ModelError(f"model {model.name!r}: the boundary is empty; list the interface (node, direction) pairs")
         b = model.dofs.rows(dofs.pairs, owner=f"model {model.name!r}")
-        return cls(model, dofs, b, np.setdiff1d(np.arange(len(model.dofs)), b))
+        return cls(model, dofs, b, np.setdiff1d(np.arange(len(model.dofs)), b), threads, memory_limit)
 
     def block(self, kind: str, rows: IntArray, columns: IntArray) -> sp.csr_array:
         """Sparse block of "mass" or "stiffness"."""
@@ -44,8 +54,10 @@ class Partition:
 
     @cached_property
     def kii(self) -> sp.csr_array:
-        """Interior stiffness."""
-        return self.block("stiffness", self.i, self.i)
+        """Interior stiffness, without stored zeros, so that the pattern is that of every K - s M."""
+        kii = self.block("stiffness", self.i, self.i)
+        kii.eliminate_zeros()
+        return kii
 
     @cached_property
     def mii(self) -> sp.csr_array:
@@ -53,10 +65,26 @@ class Partition:
         return self.block("mass", self.i, self.i)
 
     @cached_property
+    def inertia_load(self) -> FloatArray:
+        """S = Mii Psi + Mib, (n_i, n_b): interior inertia forces of unit boundary accelerations."""
+        return np.asarray(self.mii @ self.constraint_modes) + dense(self.block("mass", self.i, self.b))
+
+    @cached_property
+    def analysis(self) -> Analysis:
+        """Symbolic analysis of Kii; SolverError where its factor and the constraint modes do not fit in memory."""
+        analysis = analyze(self.kii, threads=self.threads)
+        refuse_above(analysis.estimate, self.memory_limit, besides=16.0 * self.i.size * self.b.size)
+        return analysis
+
+    def count_below(self, omega2: float) -> int | None:
+        """How many fixed-interface w^2 lie below `omega2`, by inertia; None where the backend cannot tell."""
+        return count_below(self.kii, self.mii, omega2, self.analysis)
+
+    @cached_property
     def factor(self) -> Factor:
-        """Factor of Kii; SolverError names the DOF of a mechanism."""
+        """Factor of Kii; SolverError names the DOF of a mechanism, or says that Kii is indefinite."""
         try:
-            factor = factorize(self.kii)
+            factor = self.analysis.factorize(self.kii)
         except SolverError:
             raise self._mechanism(None) from None
         probe = np.random.default_rng(SEED).standard_normal(self.i.size)
@@ -64,6 +92,11 @@ class Partition:
         stiffest = abs(self.kii.diagonal()).max()
         if not np.isfinite(answer).all() or np.linalg.norm(answer) * stiffest > SINGULAR * np.linalg.norm(probe):
             raise self._mechanism(answer)
+        if factor.negative_pivots:
+            raise SolverError(
+                f"model {self.model.name!r}: with the boundary held the interior stiffness has {factor.negative_pivots} negative "
+                "eigenvalues, so the structure buckles (prestress?); correct the stiffness, or hold it at more boundary DOF"
+            )
         return factor
 
     def _mechanism(self, motion: FloatArray | None) -> SolverError:
@@ -86,17 +119,27 @@ class Partition:
             return np.zeros((0, self.b.size))
         return -np.asarray(self.factor.solve(dense(self.block("stiffness", self.i, self.b))))
 
-    def full_basis(self, interior: FloatArray) -> FloatArray:
-        """(n, n_b + n_q) basis [I, 0; Psi, Phi] in the model's row order."""
+    def full_basis(self, interior: FloatArray, out: FloatArray | None = None) -> FloatArray:
+        """(n, n_b + n_q) basis T = [I, 0; Psi, Phi] in the model's row order, written to `out` where that is given."""
         n_b, n_q = self.b.size, interior.shape[1]
-        basis = np.zeros((len(self.model.dofs), n_b + n_q))
-        basis[self.b, np.arange(n_b)] = 1.0
+        basis = np.zeros((len(self.model.dofs), n_b + n_q)) if out is None else out
+        basis[self.b, :n_b], basis[self.b, n_b:] = np.eye(n_b), 0.0
         basis[self.i, :n_b] = self.constraint_modes
-        basis[np.ix_(self.i, np.arange(n_b, n_b + n_q))] = interior
+        basis[self.i, n_b:] = interior
         return basis
+
+    def condensed(self, kind: str) -> FloatArray:
+        """(n_b, n_b) "mass" or "stiffness" projected on [I; Psi]: Abb + Abi Psi + Psi^T (Aib + Aii Psi)."""
+        psi, aib = self.constraint_modes, self.block(kind, self.i, self.b)
+        inner = self.inertia_load if kind == "mass" else np.asarray(self.kii @ psi) + dense(aib)
+        return symmetric(dense(self.block(kind, self.b, self.b)) + aib.T @ psi + psi.T @ inner)
+
+
+def symmetric(matrix: FloatArray) -> FloatArray:
+    """The symmetric part, which removes round-off."""
+    return np.asarray(0.5 * (matrix + matrix.T))
 
 
 def project(matrix: Any, basis: FloatArray) -> FloatArray:
     """T^T A T, exactly symmetric."""
-    product = basis.T @ (matrix @ basis)
-    return np.asarray(0.5 * (product + product.T))
+    return symmetric(basis.T @ (matrix @ basis))

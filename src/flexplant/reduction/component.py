@@ -1,0 +1,85 @@
+"""From interior vectors to a component in standard HCB form."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import numpy as np
+
+from flexplant.model.arrays import FloatArray, Matrix
+from flexplant.model.component import FiniteElementModel
+from flexplant.model.dofs import DofSet
+from flexplant.model.recovery import Recovery
+from flexplant.reduction.interior import Interior, coupling
+from flexplant.reduction.partition import Partition, project
+from flexplant.reduction.reduced import ReducedComponent, ReductionReport, Storage
+
+
+def hcb_component(
+    interior: Interior,
+    report: ReductionReport,
+    *,
+    error_rows: FloatArray | None = None,
+    structural_damping: Matrix | None = None,
+    recover: Iterable[tuple[int, int | str]] = (),
+    keep_basis: Storage = False,
+) -> ReducedComponent:
+    """M = [[Mbb, Mbq], [Mqb, I]], K = [[Kbb, 0], [0, w^2]] (equations 2, 3) on u = [I, 0; Psi, Q] [b; q].
+
+    Kbq = Psi^T Kii Q + Kbi Q = 0 by the equation of the constraint modes. Damping matrices are projected.
+    """
+    part = interior.part
+    model, n_b, n_q = part.model, part.b.size, interior.raw.shape[1]
+    mass, stiffness = np.eye(n_b + n_q), np.zeros((n_b + n_q, n_b + n_q))
+    mass[:n_b, :n_b], stiffness[:n_b, :n_b] = part.condensed("mass"), part.condensed("stiffness")
+    mass[n_b:, :n_b] = coupling(interior)
+    mass[:n_b, n_b:] = mass[n_b:, :n_b].T
+    stiffness[n_b:, n_b:] = np.diag(interior.diagonal)
+    damped = [model.damping, structural_damping]
+    basis = _stored(part, interior, keep_basis)
+    whole = part.full_basis(interior.vectors) if basis is None and any(d is not None for d in damped) else basis
+    projected = [None if d is None or whole is None else project(d, whole) for d in damped]
+    return ReducedComponent(
+        name=model.name,
+        boundary=part.boundary,
+        mass=mass,
+        stiffness=stiffness,
+        damping=projected[0],
+        structural_damping=projected[1],
+        nodes=model.nodes,
+        recovery=_recovery(part, interior, list(recover)),
+        source={**model.source, "reduction": str(report)},
+        units=model.units,
+        reduced_units=model.units,
+        report=report,
+        model_dofs=model.dofs,
+        basis=basis,
+        error_rows=error_rows,
+    )
+
+
+def _stored(part: Partition, interior: Interior, keep_basis: Storage) -> FloatArray | None:
+    if keep_basis is False:
+        return None
+    shape = (len(part.model.dofs), part.b.size + interior.raw.shape[1])
+    return part.full_basis(interior.vectors, None if keep_basis is True else keep_basis(shape))
+
+
+def _recovery(part: Partition, interior: Interior, recover: list[tuple[int, int | str]]) -> dict[str, Recovery]:
+    if not recover:
+        return {}
+    dofs, model, n_b = DofSet.of(recover), part.model, part.b.size
+    wanted = model.dofs.rows(dofs.pairs, owner=f"model {model.name!r}")
+    rows = np.zeros((wanted.size, n_b + interior.raw.shape[1]))
+    held, free = np.flatnonzero(np.isin(wanted, part.b)), np.flatnonzero(np.isin(wanted, part.i))
+    place = {int(row): k for k, row in enumerate(part.b)}
+    rows[held, [place[int(row)] for row in wanted[held]]] = 1.0
+    at = np.searchsorted(part.i, wanted[free])
+    rows[free, :n_b], rows[free, n_b:] = part.constraint_modes[at], interior.vectors[at]
+    labels = [f"{n}.{d}" for n, d in dofs.pairs]
+    return {"displacement": Recovery("displacement", labels, displacement=rows)}
+
+
+def basis_bytes(model: FiniteElementModel, n: int) -> int:
+    """Memory of a full basis (n_model, n)."""
+    return 8 * len(model.dofs) * n

@@ -1,0 +1,115 @@
+"""What a reduction returns: a component that remembers how it was made and can expand itself."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any, TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+
+from flexplant.errors import InputError
+from flexplant.model.arrays import FloatArray, Matrix
+from flexplant.model.component import Component
+from flexplant.model.dofs import DofSet
+
+Storage: TypeAlias = bool | Callable[[tuple[int, int]], Any]
+
+
+@dataclass(frozen=True)
+class ReductionReport:
+    """What a reduction chose, and what it proved.
+
+    n_modes: exact modes of the held (or free) model. n_residual: residual (Ritz) vectors besides them, in `blocks` blocks.
+    complete_below_hz: the basis holds every fixed-interface mode below it; proved: a Sturm count said so.
+    accuracy: asked relative frequency error, None where modes and blocks were given. verified: bound of the relative error of
+    any system's frequency up to max_frequency_hz that this component causes, None where it was not computed.
+    basis_bytes: memory that keeping the basis takes (or would take).
+    """
+
+    method: str
+    n_modes: int
+    n_residual: int = 0
+    blocks: int = 0
+    complete_below_hz: float = 0.0
+    proved: bool = False
+    max_frequency_hz: float | None = None
+    accuracy: float | None = None
+    verified: float | None = None
+    basis_bytes: int = 0
+
+    def __str__(self) -> str:
+        text = f"{self.method}: {self.n_modes} modes + {self.n_residual} residual vectors"
+        text += f" in {self.blocks} blocks" if self.blocks else ""
+        text += f"; all fixed-interface modes below {self.complete_below_hz:.6g} Hz" if self.complete_below_hz else ""
+        text += " (counted)" if self.proved else ""
+        if self.verified is not None:
+            asked = "" if self.accuracy is None else f", asked {self.accuracy:.1e}"
+            text += f"; frequency error below {self.max_frequency_hz:g} Hz at most {self.verified:.1e}{asked}"
+        return text + f"; full basis {self.basis_bytes / 1e6:.3g} MB"
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class ReducedComponent(Component):
+    """A component made by a reduction, u = T p.
+
+    basis: T (n_model, n) or None; rows are the model's `model_dofs`. structural_damping: T^T D T (n, n) of a structural damping
+    matrix D, so that the complex stiffness is K + i D; None without. error_rows: L (k, n) with which a coupled mode p of
+    w^2 has the residual energy |w^2 L p|^2 that the basis cannot balance; None where it was not asked for.
+    """
+
+    report: ReductionReport
+    model_dofs: DofSet
+    reduced_units: str
+    basis: FloatArray | None = None
+    error_rows: FloatArray | None = None
+    structural_damping: Matrix | None = None
+    extra: Mapping[str, Any] = field(default_factory=dict)
+
+
+def _checked(component: Component, what: str) -> ReducedComponent:
+    if not isinstance(component, ReducedComponent):
+        raise InputError(f"{what}: component {component.name!r} was not made by a reduction in this session; reduce its model")
+    if component.units != component.reduced_units:
+        raise InputError(f"{what}: component {component.name!r} changed units after its reduction; convert the model first")
+    return component
+
+
+def expand(component: Component, coordinates: npt.ArrayLike) -> FloatArray:
+    """Displacements u = T p of every DOF of the unreduced model, (n_model, ...), rows as in the model's dofs.
+
+    coordinates: (n, ...) of the component; for a system, `shapes[system.offsets[name]]`. Raises InputError where the basis
+    was not kept (`keep_basis=True`), or the number of coordinates differs.
+    """
+    reduced = _checked(component, "expand")
+    if reduced.basis is None:
+        size = reduced.report.basis_bytes / 1e6
+        raise InputError(
+            f"expand: component {component.name!r} did not keep its basis; reduce with keep_basis=True ({size:.3g} MB)"
+        )
+    p = np.asarray(coordinates)
+    if p.shape[:1] != (component.n,):
+        raise InputError(f"expand: got {p.shape[:1]} coordinates, component {component.name!r} has {component.n}")
+    return np.asarray(reduced.basis @ p)
+
+
+def residual_energy(component: Component, coordinates: npt.ArrayLike, omega2: npt.ArrayLike) -> FloatArray:
+    """(k,) estimate of the drop of w^2 that a complete basis of this component would bring to mass-normalised modes.
+
+    coordinates: (n, k) the component's part of the modes, omega2: (k,) their w^2. The residual r = (K - w^2 M) T p of the
+    interior costs r^T Kii^-1 r / (1 - w^2 / w_c^2) = |w^2 L p|^2 / (1 - w^2 / w_c^2), w_c the frequency below which the
+    fixed-interface modes are complete; infinite above it. Raises InputError where the reduction kept no error rows.
+    """
+    reduced = _checked(component, "estimate_error")
+    if reduced.error_rows is None:
+        raise InputError(f"estimate_error: component {component.name!r} has no error rows; reduce with error_estimate=True")
+    w2 = np.asarray(omega2, dtype=float)
+    energy = np.sum((reduced.error_rows @ np.asarray(coordinates)) ** 2, axis=0) * w2**2
+    return np.asarray(energy * amplification(w2, (2 * np.pi * reduced.report.complete_below_hz) ** 2))
+
+
+def amplification(omega2: FloatArray, complete: float) -> FloatArray:
+    """1 / (1 - w^2 / w_c^2), infinite from w_c on: how much dynamics amplify the static answer to a residual."""
+    left = 1 - omega2 / complete if complete > 0 else np.full_like(omega2, -1.0)
+    return np.divide(1.0, left, out=np.full_like(left, np.inf), where=left > 0)

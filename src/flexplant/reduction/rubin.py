@@ -1,0 +1,81 @@
+"""Rubin reduction: free-interface modes with residual flexibility."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import numpy as np
+
+from flexplant.errors import InputError
+from flexplant.model.arrays import FloatArray
+from flexplant.model.component import FiniteElementModel
+from flexplant.model.damping import DampingRatio, with_modal_damping
+from flexplant.model.dofs import DofSet
+from flexplant.numerics.lanczos import Progress, lanczos
+from flexplant.reduction.component import basis_bytes, hcb_component
+from flexplant.reduction.free import FreeSolve
+from flexplant.reduction.interior import Interior, orthonormal, without
+from flexplant.reduction.partition import Partition
+from flexplant.reduction.reduced import ReducedComponent, ReductionReport, Storage
+
+FIRST_GUESS = 20
+
+
+def rubin(
+    model: FiniteElementModel,
+    boundary: DofSet | Iterable[tuple[int, int | str]],
+    *,
+    max_frequency_hz: float | None = None,
+    n_modes: int | None = None,
+    damping_ratio: DampingRatio | None = None,
+    recover: Iterable[tuple[int, int | str]] = (),
+    keep_basis: Storage = False,
+    progress: Progress | None = None,
+    threads: int | None = None,
+    memory_limit: float | None = None,
+) -> ReducedComponent:
+    """Reduce with elastic free-interface modes up to `max_frequency_hz` (or the first n), and residual flexibility.
+
+    Rubin's basis, u = R a + Phi eta + G_res f_b, spans the same space as the constraint modes [I; Psi], the free modes Phi and
+    the inertia-relief answers Kii^-1 S R_b to rigid-body acceleration. So the component is given in standard HCB form: the
+    interior vectors Phi_i - Psi Phi_b and Kii^-1 S R_b, made orthogonal and diagonalised. All modes of the free component
+    are exact, and so are statics. n_modes counts elastic modes. Other arguments and errors as for `craig_bampton`.
+    Sources: Rubin 1975; MacNeal 1971; Craig and Chang 1977.
+    """
+    if max_frequency_hz is None and n_modes is None:
+        raise InputError("rubin: give max_frequency_hz or n_modes")
+    if n_modes is not None and not 0 <= n_modes <= len(model.dofs):
+        raise InputError(f"rubin: n_modes {n_modes} must lie between 0 and the {len(model.dofs)} DOF of model {model.name!r}")
+    part = Partition.of(model, boundary, threads=threads, memory_limit=memory_limit)
+    free = FreeSolve(part)
+    shapes = _free_modes(free, max_frequency_hz, n_modes, progress)
+    n_b, psi = part.b.size, part.constraint_modes
+    relief = part.factor.solve(part.inertia_load @ free.rigid[:n_b]) if free.rigid.shape[1] else np.zeros((part.i.size, 0))
+    none = np.zeros((part.i.size, 0))
+    wanted = np.hstack([shapes[n_b:] - psi @ shapes[:n_b], relief])
+    vectors = orthonormal(without(wanted, none, part), none, part)
+    interior = Interior(part, none, np.zeros(0), 0.0, False, none, vectors, blocks=1)
+    report = ReductionReport(
+        method="Rubin",
+        n_modes=shapes.shape[1],
+        n_residual=vectors.shape[1] - shapes.shape[1],
+        max_frequency_hz=max_frequency_hz,
+        basis_bytes=basis_bytes(model, n_b + vectors.shape[1]),
+    )
+    component = hcb_component(interior, report, recover=recover, keep_basis=keep_basis)
+    return component if damping_ratio is None else with_modal_damping(component, damping_ratio)  # type: ignore[return-value]
+
+
+def _free_modes(free: FreeSolve, max_frequency_hz: float | None, n_modes: int | None, progress: Progress | None) -> FloatArray:
+    """(n, k) elastic modes of the free model, boundary rows first; doubled until one lies above the frequency."""
+    limit = np.inf if max_frequency_hz is None else (2 * np.pi * max_frequency_hz) ** 2
+    most = len(free.part.model.dofs) - free.rigid.shape[1]
+    ask = min(most, FIRST_GUESS if n_modes is None else n_modes)
+    if ask == 0:
+        return np.zeros((len(free.part.model.dofs), 0))
+    while True:
+        found = lanczos(free.solve, free.mass, ask, locked=free.rigid, progress=progress)
+        inside = found.omega2 <= limit
+        if found.exhausted or ask in (n_modes, most) or not inside.all():
+            return found.vectors[:, inside]
+        ask = min(2 * ask, most if n_modes is None else n_modes)
