@@ -25,6 +25,7 @@ from flexplant.io.parse.files import provenance, sibling
 from flexplant.io.parse.names import name_from
 from flexplant.io.parse.op4 import looks_like_op4, read_op4
 from flexplant.io.parse.sidecar import sidecar_path
+from flexplant.io.parse.superelement_dofs import GEOMETRY_CARDS, modal_ids, row_dofs
 from flexplant.model.arrays import Matrix, is_sparse
 from flexplant.model.component import Component
 from flexplant.model.dofs import DofSet
@@ -32,7 +33,6 @@ from flexplant.model.recovery import Recovery
 
 NAMES = {"stiffness": ("KXX", "KAA"), "mass": ("MXX", "MAA"), "viscous": ("BXX", "BAA"), "structural": ("K4XX", "K4AA")}
 RECOVERY = ("MUG1", "MEF1", "MES1", "MQG1", "MQMG1", "MEE1", "MGF1")
-GEOMETRY_CARDS = ("GRID", "SPOINT", "CORD1R", "CORD1C", "CORD1S", "CORD2R", "CORD2C", "CORD2S")
 
 
 def sniff(head: bytes, path: Path) -> bool:
@@ -55,7 +55,7 @@ def read_component(path: Path, *, name: str | None = None, structural: str = "er
     op4, asm, pch = _files(path)
     matrices = {k: m for k, m in read_op4(op4).items() if not _absent(m)}
     cards = [card for file in (pch, asm) if file for card in read_cards(file)]
-    dofs, modal = _dofs(op4, cards)
+    dofs, modal = row_dofs(op4, cards)
     order = np.r_[np.flatnonzero(~modal), np.flatnonzero(modal)]
     used = {kind: _square(op4, matrices, names, len(dofs)) for kind, names in NAMES.items()}
     for kind in ("stiffness", "mass"):
@@ -77,7 +77,7 @@ def read_component(path: Path, *, name: str | None = None, structural: str = "er
         boundary=boundary,
         nodes=geometry.nodes(boundary.nodes),
         recovery={r.name: r for r in recovery},
-        modal_ids=_modal_ids(dofs, modal),
+        modal_ids=modal_ids(dofs, modal),
         source=source,
     )
 
@@ -95,50 +95,6 @@ def _files(path: Path) -> tuple[Path, Path | None, Path | None]:
 def _absent(matrix: Matrix) -> bool:
     """Nastran writes a 1 x 1 zero for what is not there."""
     return bool(matrix.shape == (1, 1) and not abs(matrix).max())
-
-
-def _dofs(op4: Path, cards: list[Card]) -> tuple[DofSet, Any]:
-    """DOF of the rows in order, and which of them are modal."""
-    listed = [c for c in cards if c.name == "EXTRN"]
-    if listed:
-        pairs = [pair for card in listed for pair in _pairs(card)]
-    else:
-        pairs = sorted({p for c in cards if c.name in ("ASET", "BSET") for p in _pairs(c)} | _by_lists(cards, "ASET1", "BSET1"))
-        pairs = pairs or _from_seconct(cards)
-    if not pairs:
-        raise ReadError(op4, "the files beside it have no EXTRN, ASET or SECONCT entry to say which DOF the rows are")
-    held = {p for c in cards if c.name == "QSET" for p in _pairs(c)} | _by_lists(cards, "QSET1")
-    dofs = DofSet.of(pairs)
-    return dofs, np.array([d == 0 or (n, d) in held for n, d in dofs.pairs], dtype=bool)
-
-
-def _pairs(card: Card) -> list[tuple[int, int]]:
-    """(id, component) of EXTRN, ASET and QSET cards: pairs of fields, several components a field."""
-    out = []
-    for at in range(0, len(card.fields), 2):
-        if card.text(at):
-            digits = card.text(at + 1) or "0"
-            if not digits.isdigit():
-                raise card.fail(f"has components {digits!r}")
-            out += [(card.integer(at), int(d)) for d in digits]
-    return out
-
-
-def _by_lists(cards: list[Card], *names: str) -> set[tuple[int, int]]:
-    """(id, component) of ASET1, QSET1 cards: components first, then ids."""
-    return {(i, int(d)) for c in cards if c.name in names for d in str(c.integer(0, 0)) for i in c.ids(1)}
-
-
-def _from_seconct(cards: list[Card]) -> list[tuple[int, int]]:
-    """Without a `.pch`: all six components of the connected grids, then the scalar points (ascending)."""
-    geometry = Geometry.of(card for card in cards if card.name in GEOMETRY_CARDS)
-    return [(g, d) for g in sorted(geometry.grids) for d in range(1, 7)] + [(s, 0) for s in sorted(geometry.scalars)]
-
-
-def _modal_ids(dofs: DofSet, modal: Any) -> list[int]:
-    """SPOINT id; grid-held modal coordinates get 10 id + component."""
-    rows = zip(dofs.node[modal].tolist(), dofs.direction[modal].tolist(), strict=True)
-    return [node if direction == 0 else 10 * node + direction for node, direction in rows]
 
 
 def _square(op4: Path, matrices: dict[str, Matrix], names: tuple[str, ...], n: int) -> Matrix | None:
