@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import itertools
+
 import control
 import numpy as np
 import pytest
 import scipy.linalg
 
 from flexplant.errors import InputError
-from flexplant.plant.discretize import discretize, step_of
+from flexplant.plant.discretize import discretize, mode_transitions, step_of
 from flexplant.plant.modal import ModalPlant
 from flexplant.plant.state_space import StateSpace, state_space
 
@@ -113,3 +115,20 @@ def test_bad_holds_and_discrete_plants():
     static = StateSpace(np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), np.ones((1, 1)), ["u"], ["y"])
     assert discretize(static, DT).n_states == 0
     assert step_of(static, DT, "zero").hold.shape == (0, 1)
+
+
+@pytest.mark.parametrize("zeta", [0.0, 1e-4, 0.3, 0.999999, 1.0, 1.000001, 1.5, 30.0])
+def test_mode_transitions_in_extended_precision(zeta):
+    """Against the exponential series in long double, scaled states, from rigid to fast and around critical damping."""
+    for dt, omega in itertools.product((1e-3, 0.5), (0.0, 1e-6, 1e-3, 0.1, 3.0, 30.0, 600.0)):
+        s = max(1.0, omega * dt)
+        exponent = np.array([[0, s], [-((omega * dt) ** 2) / s, -2 * zeta * omega * dt]], dtype=np.longdouble)
+        halvings = 8 + max(0, int(np.ceil(np.log2(float(abs(exponent).max()) + 1e-300))))
+        series = term = np.eye(2, dtype=np.longdouble)
+        for k in range(1, 25):
+            term = term @ (exponent / np.longdouble(2) ** halvings) / k
+            series = series + term
+        for _ in range(halvings):
+            series = series @ series
+        found = mode_transitions(np.array([omega]), np.array([zeta]), dt)[0] * np.array([[1, s / dt], [dt / s, 1]])
+        assert float(abs(series - found).max()) < 4e-16 * max(4, omega * dt) * (1 + zeta)

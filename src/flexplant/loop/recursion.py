@@ -1,122 +1,94 @@
-"""The time recursion of a `Cascade`, many pieces of the time axis at once."""
+"""The time recursion of a `Cascade`: exact steps, lifted over blocks of samples, in chunks of bounded memory."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 
 from flexplant.loop.cascade import Cascade
-from flexplant.loop.stepping import Stepper, stepper, transition_of
+from flexplant.loop.lifted import Lifted, block_starts, lifted, stepped
+from flexplant.loop.stepping import Stepper, stepper
 from flexplant.model.arrays import FloatArray
 
-BLOCK = 16  # steps whose states are held at once
+CHUNK = 256  # blocks whose inputs and starting states are held at once; they stay in cache
 
 
 @dataclass(frozen=True, eq=False)
 class Trajectory:
-    """outputs: (nz, nt) without the direct part D w. final_state: in the order of the whole system's states."""
+    """outputs: (nz, kept samples), D w included. final_state: at the last sample, in the order of the whole system's states."""
 
     outputs: FloatArray
     final_state: FloatArray
 
 
-def march(cascade: Cascade, dt: float, w: FloatArray | None, nt: int, state: FloatArray, hold: str) -> Trajectory:
-    """nt samples from `state` under the inputs w (nw, nt), or None for free motion.
+class Recursion:
+    """x[k+1] = F x[k] + G w of a cascade, resumable: each `run` goes on from the state that the last one left.
 
-    The recursion x[k+1] = F x[k] + G w is linear, so the time axis is cut into about sqrt(nt) pieces that advance side by side:
-    first each from rest, to learn what the inputs add over a piece; then the starts of the pieces follow one another by F^L;
-    then each piece runs again from its true start. The arithmetic is that of stepping one by one, in another order.
+    state: (N,) [eta, eta', l]. Over L steps the recursion is x[k+L] = F^L x[k] + R [w[k] ... w[k+L]] and the outputs in between
+    are one product with x[k] and one with the inputs. The arithmetic is that of stepping one by one, in another order.
     """
-    length = max(1, int(np.sqrt(nt / 2)))
-    pieces = -(-nt // length)
-    one = stepper(cascade, dt, hold)
-    driven = None if w is None else _pieces(w, pieces, length)
-    starts = _piece_starts(cascade, one, driven, transition_of(cascade, dt, length), _sorted(cascade, state), pieces, length)
-    return _run(cascade, one, driven, starts, nt, length)
+
+    def __init__(self, cascade: Cascade, dt: float, state: FloatArray, hold: str, every: int = 1) -> None:
+        self.cascade, self.order = cascade, np.r_[cascade.modal_states, cascade.other_states]
+        self.state = state[self.order].copy()
+        self.one: Stepper = stepper(cascade, dt, hold)
+        self.lifted: Lifted = lifted(cascade, self.one, dt, every)
+        transposed = (self.lifted.long.A.T, self.lifted.long.from_modes.T)
+        self._long = (self.lifted.long.modes, *(np.ascontiguousarray(part) for part in transposed))
+
+    @property
+    def chunk(self) -> int:
+        """Samples that `run` takes at once at most; a multiple of both the block length and `every`."""
+        blocks = max(CHUNK, -(-self.lifted.every // self.lifted.length))
+        unit = int(np.lcm(self.lifted.length, self.lifted.every))
+        return max(1, blocks * self.lifted.length // unit) * unit
+
+    def run(self, w: FloatArray, nt: int) -> FloatArray:
+        """(kept, nz) outputs at samples 0, every, ... < nt; `state` moves to sample nt. w: (nt + 1, nw), nt at most a chunk."""
+        block, every, nw = self.lifted.length, self.lifted.every, w.shape[1]
+        nb = -(-nt // block)
+        padded = np.zeros((nb * block + 1, nw))
+        padded[: nt + 1] = w
+        rows = np.lib.stride_tricks.sliding_window_view(padded.ravel(), (block + 1) * nw)[:: block * nw]
+        starts = np.empty((nb, self.state.size))
+        x, whole = self.state.copy(), nt // block
+        block_starts(*self._long, rows @ self.lifted.received, x, starts)
+        values = starts @ self.lifted.seen + rows @ self.lifted.direct
+        self.state = x if whole == nb else self._stepped_singly(starts[whole], w[whole * block :])
+        first = slice(None, None, max(1, every // block))
+        return np.asarray(values[first].reshape(-1, self.cascade.D.shape[0])[: -(-nt // every)])
+
+    def _stepped_singly(self, x: FloatArray, w: FloatArray) -> FloatArray:
+        for now, change in zip(w[:-1], np.diff(w, axis=0), strict=True):
+            x = stepped(self.one, x[None])[0] + np.r_[now, change] @ self.one.drive
+        return x
+
+    @property
+    def whole_state(self) -> FloatArray:
+        """(N,) the state in the order of `close` or `state_space`."""
+        out = np.empty(self.state.size)
+        out[self.order] = self.state
+        return out
 
 
-def _sorted(cascade: Cascade, state: FloatArray) -> FloatArray:
-    return state[np.r_[cascade.modal_states, cascade.other_states]]
+def chunks(total: int, size: int) -> Iterator[tuple[int, int]]:
+    """(start, stop) of pieces of at most `size` that cover `total`."""
+    for start in range(0, total, size):
+        yield start, min(start + size, total)
 
 
-def _pieces(w: FloatArray, pieces: int, length: int) -> FloatArray:
-    """(length, pieces, 2 nw): w[k] and w[k+1] - w[k] at step j of each piece; the last value stays beyond the end."""
-    padded = np.pad(w, ((0, 0), (0, pieces * length + 1 - w.shape[1])), mode="edge")
-    both = np.vstack([padded[:, :-1], np.diff(padded)])
-    return np.ascontiguousarray(both.reshape(both.shape[0], pieces, length).transpose(2, 1, 0))
-
-
-def _histories(one: Stepper, x: FloatArray, driven: FloatArray | None, length: int) -> Iterator[tuple[int, FloatArray]]:
-    """(first step, states (count + 1, pieces, 2n + m)) for BLOCK steps at a time; the last row begins the next block.
-
-    Products with the inputs and with the modes are made for the whole block at once: few large ones instead of many small ones,
-    which a threaded BLAS on a busy machine would slow down many times.
-    """
-    n, N = one.modes.shape[0], x.shape[1]
-    for start in range(0, length, BLOCK):
-        count = min(BLOCK, length - start)
-        history = np.zeros((count + 1, *x.shape))
-        history[0] = x
-        if driven is not None:
-            inputs = driven[start : start + count]
-            np.matmul(inputs.reshape(-1, inputs.shape[2]), one.drive, out=history[1:].reshape(-1, N))
-        if n:
-            _step_modes(one, history)
-        if 2 * n < N:
-            _step_rest(one, history)
-        x = history[count]
-        yield start, history
-
-
-def _step_modes(one: Stepper, history: FloatArray) -> None:
-    n = one.modes.shape[0]
-    (qq, qv), (vq, vv) = np.ascontiguousarray(one.modes.transpose(1, 2, 0))
-    for now, after in pairwise(history):
-        q, v = now[:, :n], now[:, n : 2 * n]
-        after[:, :n] += qq * q
-        after[:, :n] += qv * v
-        after[:, n : 2 * n] += vq * q
-        after[:, n : 2 * n] += vv * v
-
-
-def _step_rest(one: Stepper, history: FloatArray) -> None:
-    modal = 2 * one.modes.shape[0]
-    count, pieces, N = history.shape
-    if modal:
-        gained = history[:-1].reshape(-1, N)[:, :modal] @ one.from_modes.T
-        history[1:, :, modal:] += gained.reshape(count - 1, pieces, -1)
-    for now, after in pairwise(history):
-        after[:, modal:] += now[:, modal:] @ one.A.T
-
-
-def _piece_starts(
-    cascade: Cascade, one: Stepper, driven: FloatArray | None, long: Stepper, state: FloatArray, pieces: int, length: int
-) -> FloatArray:
-    added = np.zeros((pieces, cascade.n_states))
-    if driven is not None:
-        for _, history in _histories(one, added, driven, length):
-            added = history[-1]
-    starts = np.empty((pieces, cascade.n_states))
-    starts[0] = state
-    for k in range(1, pieces):
-        _, history = next(_histories(long, starts[k - 1 : k], None, 1))
-        starts[k] = history[1, 0] + added[k - 1]
-    return starts
-
-
-def _run(cascade: Cascade, one: Stepper, driven: FloatArray | None, x: FloatArray, nt: int, length: int) -> Trajectory:
-    rows = np.vstack([cascade.C_modes.T, cascade.C.T])
-    pieces, nz = x.shape[0], rows.shape[1]
-    outputs = np.empty((pieces, length, nz))
-    final = np.empty(cascade.n_states)
-    last_piece, last_step = divmod(nt - 1, length)
-    for start, history in _histories(one, x, driven, length):
-        states = history[:-1]
-        values = (states.reshape(-1, x.shape[1]) @ rows).reshape(-1, pieces, nz)
-        outputs[:, start : start + states.shape[0]] = values.transpose(1, 0, 2)
-        if start <= last_step < start + states.shape[0]:
-            final[np.r_[cascade.modal_states, cascade.other_states]] = states[last_step - start, last_piece]
-    return Trajectory(outputs.reshape(-1, nz)[:nt].T, final)
+def march(cascade: Cascade, dt: float, w: FloatArray | None, nt: int, state: FloatArray, hold: str, every: int = 1) -> Trajectory:
+    """Outputs of samples 0, every, ... of nt, from `state`, under the inputs w (nw, nt), or None for free motion."""
+    recursion = Recursion(cascade, dt, state, hold, every)
+    nz, nw = cascade.D.shape
+    outputs = np.empty((-(-nt // every), nz))
+    for start, stop in chunks(nt - 1, recursion.chunk):
+        inputs = np.zeros((stop - start + 1, nw)) if w is None else w[:, start : stop + 1].T
+        first, last = -(-start // every), -(-stop // every)
+        outputs[first:last] = recursion.run(inputs, stop - start)
+    if (nt - 1) % every == 0:
+        rows = np.hstack([cascade.C_modes, cascade.C])
+        outputs[-1] = rows @ recursion.state + (0.0 if w is None else cascade.D @ w[:, -1])
+    return Trajectory(outputs.T, recursion.whole_state)

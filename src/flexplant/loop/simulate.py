@@ -50,7 +50,7 @@ def simulate(
     else:
         w = sampled(inputs, names, t.size)
         run = march(cascade, dt, w, t.size, _initial_state(cascade, initial), hold)
-        z, final = run.outputs + cascade.D @ w, run.final_state
+        z, final = run.outputs, run.final_state
     return _dataset(system, t, w, z[[list(system.outputs).index(k) for k in kept]], kept, final)
 
 

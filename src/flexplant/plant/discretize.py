@@ -96,9 +96,27 @@ def mode_steps(omega: FloatArray, zeta: FloatArray, dt: float, hold: str) -> Ste
         augmented[:, 2, 3] = 1.0
     e = scipy.linalg.expm(augmented) if omega.size else augmented
     unit = np.stack([1 / s, np.full_like(s, 1 / dt)], axis=1)
-    transition = e[:, :2, :2] * unit[:, :, None] / unit[:, None, :]
     columns = [e[:, :2, k] * unit * dt**2 for k in range(2, size)]
-    return Step(transition, columns[0], columns[1] if hold == "first" else None)
+    return Step(mode_transitions(omega, zeta, dt), columns[0], columns[1] if hold == "first" else None)
+
+
+def mode_transitions(omega: FloatArray, zeta: FloatArray, dt: float) -> FloatArray:
+    """(n, 2, 2) exp([[0, 1], [-omega^2, -2 zeta omega]] dt) to the last digit or two: its error adds up over all steps.
+
+    With x = omega dt and theta^2 = x^2 (1 - zeta^2): e^(-zeta x) [[c + zeta x s, dt s], [-omega x s, c - zeta x s]], where
+    c = cos theta and s = sin theta / theta (cosh and sinh above critical damping), so nothing divides by omega or 1 - zeta.
+    """
+    x = omega * dt
+    decay = zeta * x
+    theta = x * np.sqrt(abs((1 - zeta) * (1 + zeta)))
+    over = (zeta > 1) & (theta > 0)
+    fast = np.where(over, np.exp(-theta - decay), 1.0)
+    twice = np.where(over, 2 * theta, 1.0)
+    slow = np.where(over, np.exp(-(x**2) / np.where(over, decay + theta, 1.0)), 1.0)
+    growth = np.where(twice < 1, np.expm1(np.minimum(twice, 1.0)) * fast, slow - fast) / twice
+    s = np.where(over, growth, np.exp(-decay) * np.sinc(theta / np.pi))
+    c = np.where(over, 0.5 * (slow + fast), np.exp(-decay) * np.cos(theta))
+    return np.stack([np.stack([c + decay * s, dt * s], -1), np.stack([-omega * x * s, c - decay * s], -1)], axis=1)
 
 
 def _assembled(plant: ModalPlant, dt: float, hold: str) -> StateSpace:
