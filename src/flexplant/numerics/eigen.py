@@ -12,10 +12,12 @@ import scipy.sparse as sp
 from flexplant.errors import SolverError
 from flexplant.model.arrays import FloatArray, dense
 from flexplant.numerics.factorization import Analysis, Factor, analyze, factorize, refuse_above
-from flexplant.numerics.lanczos import Progress, lanczos
+from flexplant.numerics.lanczos import BLOCK, Progress, lanczos
 from flexplant.numerics.rank import EPS, split_semidefinite
 
 INDEFINITE = 1e-8  # of a unit diagonal: more negative than any single-precision round-off of a vendor's matrix
+FIRST_GUESS = 20
+WIDE_BLOCK = 4 * BLOCK  # for modes repeated more than eightfold
 
 
 @dataclass(frozen=True, eq=False)
@@ -142,26 +144,28 @@ def shift_invert(
 ) -> Eigenpairs:
     """The elastic modes `wanted`, from the factor of K - shift M; rigid (n, r) mass-orthonormal motions are deflated.
 
-    Without a count the number of modes is doubled until one lies above the limit. Raises SolverError where fewer modes are
-    found below the limit than were counted.
+    Without a count the number of modes is doubled until one lies above the limit. A mode repeated more often than a block is
+    wide can be missed: where fewer modes are found than were counted, a wider block tries again, and SolverError follows.
     """
     limit, count = wanted.max_omega2, wanted.count
     ask = min(x for x in (wanted.n_modes, count, mass.shape[0]) if x is not None)
     if wanted.n_modes is None and count is None:
-        ask = min(20, mass.shape[0])
-    below = factor.negative_pivots or 0
+        ask = min(FIRST_GUESS, mass.shape[0])
+    below, block = factor.negative_pivots or 0, BLOCK
     while True:
-        found = lanczos(factor.solve, mass, ask, shift=shift, below=below, locked=rigid, progress=progress)
+        found = lanczos(factor.solve, mass, ask, shift=shift, below=below, locked=rigid, block=block, progress=progress)
         inside = np.ones(found.omega2.size, dtype=bool) if limit is None else found.omega2 <= limit * (1 + 1e-9)
-        complete = limit is None or count is not None or wanted.n_modes == ask or not inside.all()
-        if complete or found.exhausted:
-            break
-        ask = min(2 * ask, mass.shape[0])
-    if count is not None and ask == count and np.count_nonzero(inside) < count:
-        raise SolverError(
-            f"{count} modes lie below the limit, but only {np.count_nonzero(inside)} were found; ask for a larger limit"
-        )
-    return Eigenpairs(found.omega2[inside], found.vectors[:, inside], 0, limit is not None and count is not None)
+        missed = count is not None and ask == count and np.count_nonzero(inside) < count
+        if missed and block == WIDE_BLOCK:
+            raise SolverError(
+                f"{count} modes lie below the limit, but only {np.count_nonzero(inside)} were found; change the limit"
+            )
+        if missed:
+            block = WIDE_BLOCK
+        elif limit is None or count is not None or wanted.n_modes == ask or not inside.all() or found.exhausted:
+            return Eigenpairs(found.omega2[inside], found.vectors[:, inside], 0, limit is not None and count is not None)
+        else:
+            ask = min(2 * ask, mass.shape[0])
 
 
 def _refuse_indefinite(mass: Any) -> None:
