@@ -12,7 +12,10 @@ import flexplant.study.pipeline as pipeline
 import flexplant.study.write as write
 from flexplant.errors import CouplingError, InputError, StudyError, WriteError
 from flexplant.io import read_plant
+from flexplant.response.frequency import frequency_response
+from flexplant.study.grid import frequency_grid
 from flexplant.study.pipeline import run_study
+from flexplant.study.schema import ResponseSpec
 
 
 def files(folder):
@@ -145,3 +148,29 @@ def test_a_wheel_on_a_node_that_is_no_input_is_named(tmp_path):
     text = STUDY + LINE_OF_SIGHT.replace("node: left.1", "node: left.2")
     with pytest.raises(StudyError, match=r"left\.2\.1"):
         run_study(write_study(tmp_path, text))
+
+
+def test_unimportant_modes_are_dropped_on_request(tmp_path):
+    full = run_study(write_study(tmp_path))
+    few = run_study(write_study(tmp_path, STUDY.replace("  outputs:", "  drop_tolerance: 1e-2\n  outputs:")))
+    assert few.plant.n_modes < full.plant.n_modes
+    assert few.plant.n_rigid == 6
+    hz = np.linspace(10, 200, 40)
+    ours, theirs = (frequency_response(result.plant, hz) for result in (few, full))
+    assert abs(ours - theirs).max() < 0.02 * abs(theirs).max()
+
+
+@pytest.mark.parametrize("spacing", ["log", "linear"])
+def test_frequencies_resolve_every_resonance(tmp_path, spacing):
+    plant = run_study(write_study(tmp_path)).plant
+    hz = frequency_grid(ResponseSpec(from_hz=5, to_hz=200, points=10, spacing=spacing), plant, also=((77.0, 0.001),))
+    assert (np.diff(hz) > 0).all()
+    assert (hz[0], hz[-1]) == (5.0, 200.0)
+    for mode in [*plant.frequency_hz[(plant.frequency_hz > 6) & (plant.frequency_hz < 190)], 77.0]:
+        assert abs(hz - mode).min() < 1e-12 * mode
+        assert np.sum(abs(hz / mode - 1) < 0.011) >= 5
+
+
+def test_frequencies_given_as_a_list_are_taken_as_they_are(tmp_path):
+    plant = run_study(write_study(tmp_path)).plant
+    np.testing.assert_array_equal(frequency_grid(ResponseSpec(frequency_hz=[3.0, 1.0, 3.0]), plant), [1.0, 3.0])

@@ -55,5 +55,17 @@ def _settings(study: StudySpec) -> Iterator[tuple[str, object]]:
         "damping of the coupled modes",
         "none given" if study.damping is None else f"{study.damping.ratio} on {study.damping.on}",
     )
-    for key, value in study.plant.model_dump().items():
-        yield f"plant {key}", ", ".join(value) if isinstance(value, list) else "none" if value is None else value
+    yield from _flat("plant", study.plant.model_dump())
+    if study.line_of_sight is not None:
+        yield from _flat("", study.line_of_sight.model_dump(exclude={"frequency"}))
+    if study.truth is not None:
+        yield "structural damping of the comparison", study.truth.structural_damping
+
+
+def _flat(name: str, value: object) -> Iterator[tuple[str, object]]:
+    """Nested settings as "wheel amplitude": value; lists as text."""
+    if isinstance(value, dict):
+        for key, inner in value.items():
+            yield from _flat(f"{name} {key}".strip(), inner)
+    elif value is not None:
+        yield name, ", ".join(map(str, value)) if isinstance(value, (list, tuple)) else value
