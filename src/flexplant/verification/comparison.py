@@ -119,7 +119,7 @@ def _row(system: System, label: str) -> sp.csr_array:
         recovery = component.recovery[head]
         if recovery.displacement is None:
             raise InputError(f"{label!r}: recovery {head!r} has no displacement rows to compare shapes with")
-        return system.spread(component_name, sp.csr_array(recovery.displacement)[[recovery.row(tail)]])
+        return system.spread(component_name, sp.csr_array(recovery.displacement[[recovery.row(tail)]]))
     try:
         column = system.row(component_name, int(head), int(tail))
     except ValueError:
