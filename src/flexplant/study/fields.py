@@ -35,4 +35,6 @@ StudyPath = Annotated[str, AfterValidator(_inside)]
 
 
 class Section(BaseModel):
+    """A part of the study file: unknown keys are errors, values cannot be changed."""
+
     model_config = ConfigDict(extra="forbid", frozen=True)
