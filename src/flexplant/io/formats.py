@@ -31,10 +31,12 @@ class Format:
 class Writer:
     """A writable format: write_component, write_model, write_plant, write_results, each (value, path) -> None.
 
-    The path a writer gets is a temporary one; the registry puts the finished file in its place.
+    The path a writer gets is a temporary one; the registry puts the finished file in its place. Keyword-only parameters of
+    a writer are options of the format, except `target`: the path where the file will be. tested_against: for the table.
     """
 
     name: str
     description: str
     suffixes: tuple[str, ...]
-    writers: dict[str, Callable[[Any, Path], None]]
+    writers: dict[str, Callable[..., None]]
+    tested_against: str = ""

@@ -6,13 +6,14 @@ All of them write to a temporary name in the same folder first, so that a file i
 from __future__ import annotations
 
 import importlib
+import inspect
 import pkgutil
 from functools import cache
 from pathlib import Path
 from typing import Any
 
 import flexplant.io.write
-from flexplant.errors import InputError, ReadError
+from flexplant.errors import InputError, ReadError, nearest
 from flexplant.io.formats import Writer
 from flexplant.io.parse.files import checked_file, read_head
 from flexplant.io.parse.h5 import SIGNATURE, read_h5
@@ -31,37 +32,43 @@ def writers() -> dict[str, Writer]:
     return {w.name: w for w in sorted(found, key=lambda w: w.name)}
 
 
-def _write(what: str, value: Any, path: str | Path) -> Path:
+def _write(what: str, value: Any, path: str | Path, options: dict[str, Any]) -> Path:
     path = Path(path)
     able = {suffix: w for w in writers().values() if what in w.writers for suffix in w.suffixes}
     if path.suffix.lower() not in able:
         raise InputError(f"{what}: {path.name!r} has none of the endings {', '.join(able)}, which choose the format")
+    chosen = able[path.suffix.lower()]
+    writer = chosen.writers[what]
+    known = [p.name for p in inspect.signature(writer).parameters.values() if p.kind is p.KEYWORD_ONLY]
+    for option in options:
+        if option not in known or option == "target":
+            raise InputError(f"format {chosen.name!r} has no option {option!r}." + nearest(option, set(known) - {"target"}))
     with replacing(path) as work:
-        able[path.suffix.lower()].writers[what](value, work)
+        writer(value, work, **options, **({"target": path} if "target" in known else {}))
     return path
 
 
-def write_component(component: Component, path: str | Path) -> Path:
+def write_component(component: Component, path: str | Path, **options: Any) -> Path:
     """Write a component to `.npz` or `.h5` and return the path; `read_component` gives it back bit-equal.
 
     Raises InputError for another ending, WriteError naming the folder that cannot be written.
     """
-    return _write("write_component", component, path)
+    return _write("write_component", component, path, options)
 
 
-def write_model(model: FiniteElementModel, path: str | Path) -> Path:
+def write_model(model: FiniteElementModel, path: str | Path, **options: Any) -> Path:
     """Write a finite-element model to `.npz` or `.h5` and return the path; errors as `write_component`."""
-    return _write("write_model", model, path)
+    return _write("write_model", model, path, options)
 
 
-def write_plant(plant: Plant, path: str | Path) -> Path:
+def write_plant(plant: Plant, path: str | Path, **options: Any) -> Path:
     """Write a plant to `.npz`, `.h5` (`read_plant` gives it back bit-equal) or `.mat`; errors as `write_component`."""
-    return _write("write_plant", plant, path)
+    return _write("write_plant", plant, path, options)
 
 
 def write_results(results: Any, path: str | Path) -> Path:
     """Write an xarray Dataset or DataArray to NetCDF-4 (`.nc`); complex `x` becomes `x__real`, `x__imag`."""
-    return _write("write_results", results, path)
+    return _write("write_results", results, path, {})
 
 
 def read_plant(path: str | Path) -> Plant:
