@@ -21,6 +21,7 @@ class StrainEnergy:
     energy: (6,) r^T K r / 2, J (rotations about the component's mean node). ratio: (6,) relative to the same motion of
     `stiffness_scale`: 0 for a free component, 1e-6 and more for one that is grounded or whose frames or positions are
     wrong. worst_dof: per direction, the (node, direction) with the largest residual force K r; force: that force.
+    per_dof: (n, 6) share of each coordinate, r_i (K r)_i / 2, rows as in `Component.dofs`; columns sum to `energy`.
     """
 
     component: str
@@ -28,6 +29,7 @@ class StrainEnergy:
     ratio: FloatArray
     worst_dof: tuple[tuple[int, int], ...]
     force: FloatArray
+    per_dof: FloatArray
 
     @property
     def worst(self) -> int:
@@ -48,12 +50,13 @@ def strain_energy(component: Component, placement: Placement | None = None) -> S
     about = np.zeros(3) if component.nodes is None else place.apply(component.nodes.positions.mean(axis=0))
     motion = component_rigid_body(component, place, about)
     force = np.asarray(component.stiffness @ motion)
-    energy = np.einsum("ij,ij->j", motion, force)
+    per_dof = motion * force / 2
+    energy = per_dof.sum(axis=0)
     local = np.einsum("ij,ij->j", motion, stiffness_scale(component)[:, None] * motion)
     at = np.argmax(abs(force), axis=0) if component.n else np.zeros(6, int)
     pairs = component.dofs.pairs
-    ratio = np.divide(abs(energy), local, out=np.zeros(6), where=local > 0)
-    return StrainEnergy(component.name, energy / 2, ratio, tuple(pairs[i] for i in at), abs(force[at, np.arange(6)]))
+    ratio = np.divide(2 * abs(energy), local, out=np.zeros(6), where=local > 0)
+    return StrainEnergy(component.name, energy, ratio, tuple(pairs[i] for i in at), abs(force[at, np.arange(6)]), per_dof)
 
 
 def blocked_directions(system: System, motion: FloatArray) -> dict[str, list[str]]:
