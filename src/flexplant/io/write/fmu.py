@@ -77,11 +77,9 @@ def fmu_source(plant: ModalPlant) -> str:
 
 def description(plant: ModalPlant, model: str, guid: str) -> str:
     """modelDescription.xml: inputs first, then outputs, value references in that order."""
-    inputs = [_variable(i, n, u, "input") for i, (n, u) in enumerate(zip(plant.inputs, plant.input_units, strict=True))]
-    first = len(inputs)
-    outputs = [
-        _variable(first + i, n, u, "output") for i, (n, u) in enumerate(zip(plant.outputs, plant.output_units, strict=True))
-    ]
+    first, units = len(plant.inputs), [*plant.input_units, *plant.output_units]
+    names = [*plant.inputs, *plant.outputs]
+    listed = [_variable(i, names[i], units[i], "input" if i < first else "output") for i in range(len(names))]
     unknowns = "\n".join(f'      <Unknown index="{first + i + 1}"/>' for i in range(len(plant.outputs)))
     return f"""<?xml version="1.0" encoding="UTF-8"?>
 <fmiModelDescription fmiVersion="2.0" modelName={quoteattr(plant.name)} guid="{guid}"
