@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import os
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -105,6 +106,8 @@ def demo(
     quiet: Quiet = False,
 ) -> None:
     """Run the ShockSat-like example: two components to a closed-loop line-of-sight report."""
+    # numpy is not loaded yet; its matrices here are so small that BLAS threads would mostly wait for each other
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     from flexplant.study.examples import example_study
 
     _run(example_study("shocksat"), output, quiet, allow_outside=False)
@@ -194,7 +197,7 @@ def couple(
 @_told
 def export(
     plant: Annotated[Path, typer.Argument(help="Plant file (.npz) that a study wrote.")],
-    to: Annotated[str, typer.Option(help="mat or npz.")],
+    to: Annotated[str, typer.Option(help="mat, npz or h5.")],
     output: Annotated[Path | None, typer.Option("--output", "-o", help="File to write; default beside the plant.")] = None,
 ) -> None:
     """Write a plant in another format, for MATLAB (mat) or numpy (npz)."""
