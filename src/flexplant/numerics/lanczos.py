@@ -17,7 +17,7 @@ SEED = 20190811
 BLOCK = 8  # a block of 8 columns solves 4-5 times cheaper a column than one by one
 TOLERANCE = 1e-8  # of a Ritz value of the inverse: eigenvalues then are exact to round-off
 BASIS_BYTES = 4e9  # the basis never takes more; beyond that Lanczos restarts thickly
-CHECKS = 6  # a test for convergence after every sixth of the basis: it costs a dense eigenproblem of that size
+CHEAP_BLOCK = 5000  # unknowns from which a block costs more than a test for convergence, a dense eigenproblem of the basis
 MAX_RESTARTS = 60
 
 
@@ -72,7 +72,7 @@ def lanczos(
         used = space.last - space.locked
         if used < check and not space.exhausted and space.room:
             continue
-        check = used + block * max(1, used // (CHECKS * block))
+        check = used + block * max(1, used // ((6 if n < CHEAP_BLOCK else 24) * block))
         theta, _, residual = space.ritz()
         pick = _wanted(theta, n_modes, below)
         good = residual[pick] <= tolerance * abs(theta[pick])

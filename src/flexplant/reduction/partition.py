@@ -83,8 +83,9 @@ class Partition:
     @cached_property
     def factor(self) -> Factor:
         """Factor of Kii; SolverError names the DOF of a mechanism, or says that Kii is indefinite."""
+        analysis = self.analysis
         try:
-            factor = self.analysis.factorize(self.kii)
+            factor = analysis.factorize(self.kii)
         except SolverError:
             raise self._mechanism(None) from None
         probe = np.random.default_rng(SEED).standard_normal(self.i.size)
