@@ -107,7 +107,7 @@ def test_feedthrough_without_a_closed_path_is_no_loop():
 
 def test_mixed_sample_times_say_so():
     with pytest.raises(DiagramError, match=r"mixed sample times \(forward: continuous.*back: 0\.1 s\)"):
-        feedback(back=sample_delay(1, 0.1))
+        close(feedback(back=sample_delay(1, 0.1)))
 
 
 def test_a_descriptor_is_no_block():

@@ -22,6 +22,11 @@ def one_by_one(cascade, dt, w, state, hold):
     return np.array(out).T, x
 
 
+def march(cascade, dt, w, state, hold, every=1):
+    runner = recursion.Recursion(cascade, dt, state, hold, every)
+    return recursion.march(runner, w, w.shape[1], cascade.D.shape[::-1], every)
+
+
 def error(a, b):
     return float(abs(a - b).max() / abs(b).max())
 
@@ -34,7 +39,7 @@ def test_lifted_equals_one_by_one(published, make_plant, hold, every):
     w, state = rng.normal(size=(6, 1200)), rng.normal(size=cascade.n_states) * 1e-7
     order = np.r_[cascade.modal_states, cascade.other_states]
     outputs, final = one_by_one(cascade, 2e-4, w, state[order], hold)
-    run = recursion.march(cascade, 2e-4, w, 1200, state, hold, every)
+    run = march(cascade, 2e-4, w, state, hold, every)
     assert error(run.outputs, outputs[:, ::every]) < 1e-12
     assert error(run.final_state[order], final) < 1e-12
 
@@ -49,7 +54,7 @@ def test_slow_modes_near_one(zeta):
     )
     cascade, w, state = cascade_of(plant), rng.normal(size=(2, 3000)), np.zeros(12)
     outputs, _ = one_by_one(cascade, 1e-3, w, state, "first")
-    run = recursion.march(cascade, 1e-3, w, 3000, state, "first")
+    run = march(cascade, 1e-3, w, state, "first")
     assert (abs(run.outputs - outputs).max(axis=1) <= 1e-12 * abs(outputs).max(axis=1)).all()
 
 
@@ -70,5 +75,5 @@ def test_compiled_and_plain_recursion_agree(published, plant):
 def test_discrete_systems_are_lifted_too():
     delay = sample_delay(7, 0.1)
     w = np.random.default_rng(0).normal(size=(1, 500))
-    run = recursion.march(cascade_of(delay), 0.1, w, 500, np.zeros(7), "first", 10)
+    run = march(cascade_of(delay), 0.1, w, np.zeros(7), "first", 10)
     assert np.array_equal(run.outputs[0, 1:], w[0, 3:-7:10])

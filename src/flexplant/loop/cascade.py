@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -54,9 +55,16 @@ def cascade_of(system: Simulated) -> Cascade:
         return _of_modal(system)
     if isinstance(system, Diagram):
         return _split(close(system), _listening_plants(system))
-    if isinstance(system, ModalPlant | StateSpace | Descriptor):
-        return _split(state_space(system), [])
-    raise InputError(f"cannot simulate a {type(system).__name__}; use a Diagram, a ModalPlant or a StateSpace (see state_space)")
+    return _split(state_space(simulated(system)), [])
+
+
+def simulated(system: Any) -> Any:
+    """The system itself; InputError for a type that cannot be simulated."""
+    if not isinstance(system, Diagram | ModalPlant | StateSpace | Descriptor):
+        raise InputError(
+            f"cannot simulate a {type(system).__name__}; use a Diagram, a ModalPlant or a StateSpace (see state_space)"
+        )
+    return system
 
 
 def _of_modal(plant: ModalPlant) -> Cascade:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from flexplant.blocks.sampled import SampledBlock
 from flexplant.errors import DiagramError
 from flexplant.loop.diagram import Diagram, block_diagonal
 from flexplant.model.arrays import FloatArray
@@ -16,9 +17,10 @@ def close(diagram: Diagram) -> StateSpace:
     Blocks stacked: x' = A x + B u, y = C x + D u, wires u = S y + E w, z = R y. With M = (I - S D)^-1:
         x' = (A + B M S C) x + B M E w,   z = R (C + D M S C) x + R D M E w.
     States are those of the blocks (as `state_space` gives them) in the order of `diagram.blocks`.
-    Raises DiagramError if an allowed algebraic loop is not well posed (I - S D singular).
+    Raises DiagramError if an allowed algebraic loop is not well posed (I - S D singular), and for a sampled diagram.
     """
-    systems = [state_space(block) for block in diagram.blocks.values()]
+    linear_only(diagram)
+    systems = [state_space(block) for block in diagram.blocks.values() if not isinstance(block, SampledBlock)]
     A, B, C, D = (block_diagonal([getattr(s, letter) for s in systems]) for letter in "ABCD")
     wiring = diagram.wiring
     u_of_x, u_of_w = _solve_inputs(diagram, C, D)
@@ -35,6 +37,17 @@ def close(diagram: Diagram) -> StateSpace:
         input_units=wiring.external_units,
         output_units=[wiring.output_units[k] for k in read],
     )
+
+
+def linear_only(diagram: Diagram) -> None:
+    """DiagramError for a diagram with nonlinear blocks or several sample times, which only `simulate` can take."""
+    nonlinear = [name for name, block in diagram.blocks.items() if isinstance(block, SampledBlock)]
+    if nonlinear:
+        raise DiagramError(
+            f"diagram {diagram.name!r} has nonlinear blocks ({', '.join(nonlinear)}); simulate it, or leave them out"
+        )
+    if diagram.is_sampled:
+        raise DiagramError(f"mixed sample times ({diagram.rates}): simulate the diagram, or discretize all blocks at one dt")
 
 
 def _solve_inputs(diagram: Diagram, C: FloatArray, D: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -9,9 +9,10 @@ from functools import cached_property
 import numpy as np
 import scipy.linalg
 
+from flexplant.blocks.sampled import SampledBlock
 from flexplant.errors import DiagramError
 from flexplant.loop.graph import algebraic_loops, block_stages
-from flexplant.loop.ports import LinearBlock
+from flexplant.loop.ports import Block
 from flexplant.loop.wiring import Wiring, wire
 from flexplant.model.arrays import FloatArray
 from flexplant.plant.modal import ModalPlant
@@ -22,16 +23,18 @@ from flexplant.plant.state_space import StateSpace, output_rows
 class Diagram:
     """Blocks and the wires between them; every check runs here, so a `Diagram` that exists can run.
 
-    blocks: name -> StateSpace or ModalPlant. connections: ("block.output", "block.input") pairs.
+    blocks: name -> StateSpace, ModalPlant or SampledBlock (nonlinear). Discrete blocks beside continuous ones, or of different
+    sample times, make a sampled diagram (`is_sampled`): it can be simulated, but has no single state space.
+    connections: ("block.output", "block.input") pairs.
     inputs: external name -> the port, or ports, it drives. outputs: external name -> the port it reads.
     allow_algebraic_loops: closed paths of direct feedthrough are an error unless True; they are then solved for, and must be
     well posed (I - S D regular).
 
     Raises DiagramError in one line that names the ports: an unknown name (with the nearest), an input driven twice or not
-    at all, units that clash (ports without a unit fit any), an algebraic loop, blocks of different sample times.
+    at all, units that clash (ports without a unit fit any), an algebraic loop.
     """
 
-    blocks: Mapping[str, LinearBlock]
+    blocks: Mapping[str, Block]
     connections: Sequence[tuple[str, str]] = ()
     inputs: Mapping[str, str | Sequence[str]] = field(default_factory=dict)
     outputs: Mapping[str, str] = field(default_factory=dict)
@@ -61,8 +64,21 @@ class Diagram:
 
     @property
     def dt(self) -> float | None:
-        """Sample time of the blocks in seconds, or None in continuous time (and where no block has states)."""
-        return next(iter(_sample_times(self.blocks).values()), None)
+        """The one sample time of its blocks in seconds, or None in continuous time, without states, or for several times."""
+        times = set(_sample_times(self.blocks).values())
+        return times.pop() if len(times) == 1 and not self.is_sampled else None
+
+    @property
+    def is_sampled(self) -> bool:
+        """True where blocks are nonlinear or of different sample times, continuous ones included."""
+        nonlinear = any(isinstance(block, SampledBlock) for block in self.blocks.values())
+        return nonlinear or len(set(_sample_times(self.blocks).values())) > 1
+
+    @property
+    def rates(self) -> str:
+        """Each block's sample time in words, for messages."""
+        times = _sample_times(self.blocks)
+        return ", ".join(f"{name}: {'continuous' if dt is None else f'{dt} s'}" for name, dt in times.items())
 
     @cached_property
     def feedthrough(self) -> FloatArray:
@@ -76,9 +92,9 @@ class Diagram:
         return [[names[k] for k in stage] for stage in block_stages(self.wiring, len(names))]
 
 
-def _sample_times(blocks: Mapping[str, LinearBlock]) -> dict[str, float | None]:
+def _sample_times(blocks: Mapping[str, Block]) -> dict[str, float | None]:
     """Seconds, or None for continuous time, of each block that has a time of its own: a static gain fits any."""
-    times = {name: b.dt if isinstance(b, StateSpace) else None for name, b in blocks.items()}
+    times = {name: b.dt if isinstance(b, StateSpace) else None for name, b in blocks.items() if not isinstance(b, SampledBlock)}
     return {k: dt for k, dt in times.items() if dt is not None or isinstance(b := blocks[k], ModalPlant) or b.n_states}
 
 
@@ -87,19 +103,17 @@ def block_diagonal(matrices: Sequence[FloatArray]) -> FloatArray:
     return np.asarray(scipy.linalg.block_diag(*matrices), dtype=float)
 
 
-def _feedthrough(block: LinearBlock) -> FloatArray:
+def _feedthrough(block: Block) -> FloatArray:
+    if isinstance(block, SampledBlock):
+        return np.ones((len(block.outputs), len(block.inputs)))
     return output_rows(block)[2] if isinstance(block, ModalPlant) else block.D
 
 
-def _check_blocks(blocks: Mapping[str, LinearBlock]) -> None:
+def _check_blocks(blocks: Mapping[str, Block]) -> None:
     if not blocks:
         raise DiagramError("a diagram needs at least one block; give blocks={'name': block}")
     for name, block in blocks.items():
         if not name or "." in name:
             raise DiagramError(f"block name {name!r}: use a non-empty text without dots, ports are written 'block.port'")
-        if not isinstance(block, StateSpace | ModalPlant):
+        if not isinstance(block, StateSpace | ModalPlant | SampledBlock):
             raise DiagramError(f"block {name!r} is a {type(block).__name__}; use a StateSpace or a ModalPlant (see state_space)")
-    rates = _sample_times(blocks)
-    if len(set(rates.values())) > 1:
-        each = ", ".join(f"{name}: {'continuous' if dt is None else f'{dt} s'}" for name, dt in rates.items())
-        raise DiagramError(f"mixed sample times ({each}) are not supported yet; discretize all blocks at one dt, or none")

@@ -6,6 +6,8 @@ import numpy as np
 import numpy.typing as npt
 import xarray as xr
 
+from flexplant.blocks.sampled import SampledBlock
+from flexplant.loop.close import linear_only
 from flexplant.loop.diagram import Diagram
 from flexplant.loop.wiring import NONE
 from flexplant.model.arrays import IntArray
@@ -25,6 +27,7 @@ def frequency_response(system: Linear, frequency_hz: npt.ArrayLike) -> xr.DataAr
     """
     if not isinstance(system, Diagram):
         return plant_frequency.frequency_response(system, frequency_hz)
+    linear_only(system)
     hz = plant_frequency.checked_frequencies(frequency_hz)
     y = _port_responses(system, hz)
     return xr.DataArray(
@@ -45,7 +48,9 @@ def _port_responses(diagram: Diagram, hz: npt.NDArray[np.float64]) -> ComplexArr
         G = np.zeros((hz.size, int(rows.sum()), int(columns.sum())), dtype=complex)
         for name, k in zip(stage, members, strict=True):
             inside = np.ix_(wiring.output_block[rows] == k, wiring.input_block[columns] == k)
-            values = plant_frequency.frequency_response(diagram.blocks[name], hz).values
+            block = diagram.blocks[name]
+            assert not isinstance(block, SampledBlock)
+            values = plant_frequency.frequency_response(block, hz).values
             G[:, inside[0], inside[1]] = np.moveaxis(values, -1, 0)
         y[:, rows] = G @ _stage_inputs(diagram, y, G, np.flatnonzero(rows), np.flatnonzero(columns))
     return y

@@ -4,16 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+from flexplant.blocks.sampled import SampledBlock
 from flexplant.errors import DiagramError, nearest
 from flexplant.plant.modal import ModalPlant
 from flexplant.plant.state_space import StateSpace
 
 LinearBlock = StateSpace | ModalPlant
+Block = LinearBlock | SampledBlock
 
 KINDS = {"m": "length", "rad": "angle", "V": "voltage", "N": "force", "Nm": "moment", "m/s": "velocity", "rad/s": "rate"}
 
 
-def split_port(port: str, blocks: Mapping[str, LinearBlock]) -> tuple[str, str]:
+def split_port(port: str, blocks: Mapping[str, Block]) -> tuple[str, str]:
     """(block, port) of "block.port"; only the first dot separates, so plant channels keep theirs. DiagramError if unknown."""
     block, dot, name = port.partition(".")
     if not dot:
@@ -23,7 +25,7 @@ def split_port(port: str, blocks: Mapping[str, LinearBlock]) -> tuple[str, str]:
     return block, name
 
 
-def find_port(port: str, blocks: Mapping[str, LinearBlock], side: str) -> tuple[str, int]:
+def find_port(port: str, blocks: Mapping[str, Block], side: str) -> tuple[str, int]:
     """(block, index) of an input or output port (side "inputs" or "outputs"); DiagramError suggests the nearest name."""
     block, name = split_port(port, blocks)
     names = list(getattr(blocks[block], side))

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 
@@ -12,6 +13,7 @@ from flexplant.loop.lifted import Lifted, block_starts, lifted, stepped
 from flexplant.loop.stepping import Stepper, stepper
 from flexplant.model.arrays import FloatArray
 
+Progress = Callable[[int, int], None] | None
 CHUNK = 256  # blocks whose inputs and starting states are held at once; they stay in cache
 
 
@@ -65,6 +67,11 @@ class Recursion:
             x = stepped(self.one, x[None])[0] + np.r_[now, change] @ self.one.drive
         return x
 
+    def last(self, w: FloatArray) -> FloatArray:
+        """(nz,) outputs at the sample that the state stands at, for the inputs w (nw,)."""
+        rows = np.hstack([self.cascade.C_modes, self.cascade.C])
+        return np.asarray(rows @ self.state + self.cascade.D @ w)
+
     @property
     def whole_state(self) -> FloatArray:
         """(N,) the state in the order of `close` or `state_space`."""
@@ -79,16 +86,36 @@ def chunks(total: int, size: int) -> Iterator[tuple[int, int]]:
         yield start, min(start + size, total)
 
 
-def march(cascade: Cascade, dt: float, w: FloatArray | None, nt: int, state: FloatArray, hold: str, every: int = 1) -> Trajectory:
-    """Outputs of samples 0, every, ... of nt, from `state`, under the inputs w (nw, nt), or None for free motion."""
-    recursion = Recursion(cascade, dt, state, hold, every)
-    nz, nw = cascade.D.shape
+class Runner(Protocol):
+    """A resumable recursion: `Recursion`, or one with sampled blocks."""
+
+    @property
+    def chunk(self) -> int:
+        """Samples that `run` takes at once at most."""
+
+    @property
+    def whole_state(self) -> FloatArray:
+        """The state it stands at."""
+
+    def run(self, w: FloatArray, nt: int) -> FloatArray:
+        """Advance nt samples under w (nt + 1, nw); returns the kept outputs (kept, nz)."""
+
+    def last(self, w: FloatArray) -> FloatArray:
+        """The outputs (nz,) where it stands."""
+
+
+def march(
+    runner: Runner, w: FloatArray | None, nt: int, sizes: tuple[int, int], every: int = 1, progress: Progress = None
+) -> Trajectory:
+    """Outputs of samples 0, every, ... of nt under the inputs w (nw, nt), or None for free motion; sizes: (nw, nz)."""
+    nw, nz = sizes
     outputs = np.empty((-(-nt // every), nz))
-    for start, stop in chunks(nt - 1, recursion.chunk):
+    for start, stop in chunks(nt - 1, runner.chunk):
         inputs = np.zeros((stop - start + 1, nw)) if w is None else w[:, start : stop + 1].T
         first, last = -(-start // every), -(-stop // every)
-        outputs[first:last] = recursion.run(inputs, stop - start)
+        outputs[first:last] = runner.run(inputs, stop - start)
+        if progress is not None:
+            progress(stop + 1, nt)
     if (nt - 1) % every == 0:
-        rows = np.hstack([cascade.C_modes, cascade.C])
-        outputs[-1] = rows @ recursion.state + (0.0 if w is None else cascade.D @ w[:, -1])
-    return Trajectory(outputs.T, recursion.whole_state)
+        outputs[-1] = runner.last(np.zeros(nw) if w is None else w[:, -1])
+    return Trajectory(outputs.T, runner.whole_state)

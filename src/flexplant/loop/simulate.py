@@ -10,14 +10,13 @@ import xarray as xr
 
 from flexplant.blocks.tones import Tones, tone_signal
 from flexplant.errors import InputError, nearest
-from flexplant.loop.cascade import Cascade, Simulated, cascade_of
+from flexplant.loop.cascade import Cascade, Simulated, simulated
 from flexplant.loop.diagram import Diagram
-from flexplant.loop.recursion import march
+from flexplant.loop.recursion import Progress, Recursion, march
+from flexplant.loop.runner import Initial, checked_cascade, initial_state, is_hybrid, runner_of
 from flexplant.loop.signals import Signals, checked_time, sampled
 from flexplant.loop.steady import input_amplitudes, output_amplitudes, steady_states
 from flexplant.model.arrays import FloatArray
-
-Initial = str | npt.ArrayLike | None
 
 
 def simulate(
@@ -28,6 +27,9 @@ def simulate(
     outputs: Sequence[str] | None = None,
     initial: Initial = None,
     hold: str = "first",
+    every: int = 1,
+    progress: Progress = None,
+    unstable: str = "error",
 ) -> xr.Dataset:
     """Response of a plant, a block or a whole Diagram, open or closed, at the instants `time` (uniform, seconds).
 
@@ -37,21 +39,42 @@ def simulate(
     included. Tones need no hold: their steady state is known in closed form and only the free motion is stepped.
     initial: None or "rest"; the state in the order of `close(diagram)` or `state_space(plant)`; or "steady_state" (Tones only):
     start on the harmonic steady state, so that no settling has to be simulated (rigid-body modes then do not drift).
-    outputs: names to keep, all by default.
+    outputs: names to keep, all by default. every: keep each every-th sample of the outputs, counted from the first.
+    progress: called with (samples done, samples) after each chunk of some thousand steps; what it raises stops the simulation.
+    unstable: "error" refuses a system with a growing pole, naming it, before time advances; "allow" simulates it.
 
-    Returns a Dataset: `outputs` (output, time), `inputs` (input, time), `final_state` (state).
-    Raises InputError for a time axis that is not uniform, unknown names, wrong shapes, a steady state that does not exist.
+    A diagram with sampled blocks (nonlinear ones, digital controllers of their own sample time): each reads its inputs at its
+    samples and holds its outputs in between; the linear rest moves exactly under them. Exact for digital blocks, first order
+    in the step for a nonlinear block that stands for a continuous law. Tones are then sampled, and start from rest.
+
+    Returns a Dataset: `outputs` (output, time; or output_time where every > 1), `inputs` (input, time), `final_state` (state).
+    Raises InputError for a time axis that is not uniform, unknown names, wrong shapes, a steady state that does not exist, an
+    unstable system. Warns where samples are further apart than half a period of the fastest mode.
     """
     t, dt = checked_time(time)
-    cascade, names = cascade_of(system), list(system.inputs)
+    _check_every(every)
+    names = list(simulated(system).inputs)
     kept = _kept(outputs, list(system.outputs))
-    if isinstance(inputs, Tones):
+    rows = [list(system.outputs).index(k) for k in kept]
+    if isinstance(inputs, Tones) and not is_hybrid(system):
+        cascade = checked_cascade(system, unstable)
         z, w, final = _under_tones(cascade, names, t, dt, inputs, initial, hold)
+        z = z[:, ::every]
     else:
-        w = sampled(inputs, names, t.size)
-        run = march(cascade, dt, w, t.size, _initial_state(cascade, initial), hold)
+        w = _tone_samples(inputs, names, t) if isinstance(inputs, Tones) else sampled(inputs, names, t.size)
+        runner = runner_of(system, dt, initial, hold, every, unstable)
+        run = march(runner, w, t.size, (len(names), len(system.outputs)), every, progress)
         z, final = run.outputs, run.final_state
-    return _dataset(system, t, w, z[[list(system.outputs).index(k) for k in kept]], kept, final)
+    return _dataset(system, t, w, z[rows], kept, final, every)
+
+
+def _check_every(every: int) -> None:
+    if isinstance(every, bool) or not isinstance(every, int | np.integer) or every < 1:
+        raise InputError(f"every = {every!r}: keep each every-th sample, a whole number from 1")
+
+
+def _tone_samples(tones: Tones, names: list[str], t: FloatArray) -> FloatArray:
+    return _real_sum(input_amplitudes(tones, names), tones, t)
 
 
 def _under_tones(
@@ -66,7 +89,8 @@ def _under_tones(
         state[order] = (states * np.exp(2j * np.pi * tones.frequency_hz * instant)).real.sum(axis=1)
     z = _real_sum(output_amplitudes(cascade, states, amplitude), tones, t)
     if not (isinstance(initial, str) and initial == "steady_state"):
-        free = march(cascade, dt, None, t.size, _initial_state(cascade, initial) - first, hold)
+        recursion = Recursion(cascade, dt, initial_state(cascade.n_states, initial) - first, hold)
+        free = march(recursion, None, t.size, (len(names), cascade.D.shape[0]))
         z, last = z + free.outputs, last + free.final_state
     return z, _real_sum(amplitude, tones, t), last
 
@@ -74,19 +98,6 @@ def _under_tones(
 def _real_sum(amplitude: npt.NDArray[np.complex128], tones: Tones, t: FloatArray) -> FloatArray:
     names = [str(k) for k in range(amplitude.shape[0])]
     return tone_signal(Tones(frequency_hz=tones.frequency_hz, amplitude=amplitude, inputs=names), t)
-
-
-def _initial_state(cascade: Cascade, initial: Initial) -> FloatArray:
-    if initial is None or (isinstance(initial, str) and initial == "rest"):
-        return np.zeros(cascade.n_states)
-    if isinstance(initial, str):
-        if initial == "steady_state":
-            raise InputError("initial='steady_state' needs the inputs as Tones (see wheel_tones); samples have no steady state")
-        raise InputError(f"initial={initial!r}; use 'rest', 'steady_state' or an array of states")
-    state = np.array(initial, dtype=float)
-    if state.shape != (cascade.n_states,) or not np.isfinite(state).all():
-        raise InputError(f"initial state of shape {state.shape}; {cascade.n_states} finite values are needed")
-    return state
 
 
 def _kept(outputs: Sequence[str] | None, known: list[str]) -> list[str]:
@@ -97,12 +108,17 @@ def _kept(outputs: Sequence[str] | None, known: list[str]) -> list[str]:
     return kept
 
 
-def _dataset(system: Simulated, t: FloatArray, w: FloatArray, z: FloatArray, kept: list[str], final: FloatArray) -> xr.Dataset:
+def _dataset(
+    system: Simulated, t: FloatArray, w: FloatArray, z: FloatArray, kept: list[str], final: FloatArray, every: int
+) -> xr.Dataset:
     units_in, units_out = channel_units(system)
+    at = "time" if every == 1 else "output_time"
+    times = {} if every == 1 else {"output_time": ("output_time", t[::every], {"units": "s"})}
     return xr.Dataset(
-        {"outputs": (("output", "time"), z), "inputs": (("input", "time"), w), "final_state": (("state",), final)},
+        {"outputs": (("output", at), z), "inputs": (("input", "time"), w), "final_state": (("state",), final)},
         coords={
             "time": ("time", t, {"units": "s"}),
+            **times,
             "output": kept,
             "input": list(system.inputs),
             "output_units": ("output", [units_out[name] for name in kept]),

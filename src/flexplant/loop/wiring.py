@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from flexplant.errors import DiagramError
-from flexplant.loop.ports import LinearBlock, find_port, kind
+from flexplant.loop.ports import Block, find_port, kind
 from flexplant.model.arrays import FloatArray, IntArray
 
 NONE = -1
@@ -62,7 +62,7 @@ def _selection(index: IntArray, columns: int) -> FloatArray:
 
 
 def wire(
-    blocks: Mapping[str, LinearBlock],
+    blocks: Mapping[str, Block],
     connections: Sequence[tuple[str, str]],
     inputs: Mapping[str, Sequence[str]],
     outputs: Mapping[str, str],
@@ -107,20 +107,20 @@ def wire(
     )
 
 
-def _offsets(blocks: Mapping[str, LinearBlock], side: str) -> dict[str, int]:
+def _offsets(blocks: Mapping[str, Block], side: str) -> dict[str, int]:
     sizes = [len(getattr(b, side)) for b in blocks.values()]
     return dict(zip(blocks, np.cumsum([0, *sizes[:-1]]).tolist(), strict=True))
 
 
-def _port_names(blocks: Mapping[str, LinearBlock], side: str) -> tuple[str, ...]:
+def _port_names(blocks: Mapping[str, Block], side: str) -> tuple[str, ...]:
     return tuple(f"{name}.{port}" for name, b in blocks.items() for port in getattr(b, side))
 
 
-def _port_units(blocks: Mapping[str, LinearBlock], side: str) -> tuple[str, ...]:
+def _port_units(blocks: Mapping[str, Block], side: str) -> tuple[str, ...]:
     return tuple(unit for b in blocks.values() for unit in getattr(b, side))
 
 
-def _owners(blocks: Mapping[str, LinearBlock], side: str) -> IntArray:
+def _owners(blocks: Mapping[str, Block], side: str) -> IntArray:
     return np.repeat(np.arange(len(blocks)), [len(getattr(b, side)) for b in blocks.values()])
 
 

@@ -1,0 +1,178 @@
+"""Blocks evaluated sample by sample: saturation, dead zone, quantiser, rate limiter, and a function of the user's own.
+
+In a simulation every such block reads its inputs at a sample and holds its outputs until the next one it is evaluated at
+(every step, or every `dt` seconds). That is exact for a digital device of that sample time; for a block that stands for a
+continuous law the error is of first order in the step.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from flexplant.errors import InputError
+from flexplant.model.arrays import FloatArray
+from flexplant.plant.fields import checked_names, checked_units
+
+UserFunction = Callable[[float, FloatArray, FloatArray], tuple[FloatArray, FloatArray]]
+SATURATION, DEAD_ZONE, QUANTISER, RATE_LIMITER, USER = "saturation", "dead zone", "quantiser", "rate limiter", "function"
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class SampledBlock:
+    """y = law(u, state) at its samples, held in between.
+
+    kind: one of the laws above. low, high: (ny,) limits of each channel (quantiser: low is the step; rate limiter: change per
+    second). function: (t, u, state) -> (y, new state), for kind "function". initial: state at the start. dt: seconds between
+    evaluations, or None for every step. inputs, outputs: distinct names. Raises ModelError for names or units that do not fit.
+    """
+
+    kind: str
+    inputs: Sequence[str]
+    outputs: Sequence[str]
+    low: FloatArray
+    high: FloatArray
+    function: UserFunction | None = None
+    initial: FloatArray
+    dt: float | None = None
+    name: str = "block"
+    input_units: Sequence[str] = ()
+    output_units: Sequence[str] = ()
+
+    def __post_init__(self) -> None:
+        owner = f"{self.kind} {self.name!r}"
+        for side in ("inputs", "outputs"):
+            names = checked_names(getattr(self, side), side, owner)
+            object.__setattr__(self, side, names)
+            units = f"{side[:-1]}_units"
+            object.__setattr__(self, units, checked_units(getattr(self, units), len(names), units, owner))
+        if self.dt is not None and not (np.isfinite(self.dt) and self.dt > 0):
+            raise InputError(f"{owner}: dt = {self.dt!r}; use None for every step, or a positive number of seconds")
+
+    @property
+    def n_states(self) -> int:
+        """Number of states."""
+        return int(self.initial.size)
+
+
+def saturation(
+    low: npt.ArrayLike, high: npt.ArrayLike, *, channels: int = 1, name: str = "saturation", unit: str = ""
+) -> SampledBlock:
+    """y = min(max(u, low), high) a channel. Ports "u", "y", or "u1", ... "y1", ... InputError for low > high."""
+    return _law(SATURATION, low, high, channels, name, unit)
+
+
+def dead_zone(
+    low: npt.ArrayLike, high: npt.ArrayLike, *, channels: int = 1, name: str = "dead_zone", unit: str = ""
+) -> SampledBlock:
+    """y = 0 for low <= u <= high, u - high above, u - low below. Ports as for `saturation`. InputError for low > high."""
+    return _law(DEAD_ZONE, low, high, channels, name, unit)
+
+
+def quantiser(
+    step: npt.ArrayLike, *, channels: int = 1, dt: float | None = None, name: str = "quantiser", unit: str = ""
+) -> SampledBlock:
+    """y = step * floor(u / step + 1/2), at every step or every dt seconds. InputError for a step that is not positive."""
+    if not (np.asarray(step, dtype=float) > 0).all():
+        raise InputError(f"quantiser {name!r}: step {step!r} must be positive")
+    return _law(QUANTISER, step, step, channels, name, unit, dt=dt)
+
+
+def rate_limiter(
+    fall: npt.ArrayLike, rise: npt.ArrayLike, *, channels: int = 1, name: str = "rate_limiter", unit: str = ""
+) -> SampledBlock:
+    """y follows u from 0, by at most `rise` up and `fall` (negative) down per second. InputError unless fall < 0 < rise."""
+    if not ((np.asarray(fall, dtype=float) < 0).all() and (np.asarray(rise, dtype=float) > 0).all()):
+        raise InputError(f"rate limiter {name!r}: fall {fall!r} and rise {rise!r}; give fall < 0 < rise, units per second")
+    return _law(RATE_LIMITER, fall, rise, channels, name, unit, initial=np.zeros(channels))
+
+
+def user_block(
+    function: Callable[..., object],
+    *,
+    inputs: Sequence[str],
+    outputs: Sequence[str],
+    initial: npt.ArrayLike | None = None,
+    dt: float | None = None,
+    name: str = "function",
+    input_units: Sequence[str] = (),
+    output_units: Sequence[str] = (),
+) -> SampledBlock:
+    """y = function(t, u); with `initial`, (y, new state) = function(t, u, state). u, y, state are 1-D arrays; t is in seconds.
+
+    It is called in Python at each of its samples: microseconds a call, plus what it does itself. Raises InputError naming the
+    block and the instant where it returns a wrong shape or values that are not finite.
+    """
+    if not callable(function):
+        raise InputError(f"user block {name!r}: {function!r} cannot be called; give function(t, u) -> y")
+    state = np.zeros(0) if initial is None else np.atleast_1d(np.array(initial, dtype=float))
+    stateless = initial is None
+
+    def respond(t: float, u: FloatArray, x: FloatArray) -> tuple[FloatArray, FloatArray]:
+        found = (function(t, u), x) if stateless else function(t, u, x)
+        return _checked_response(found, (len(outputs), x.size), name, t)
+
+    none = np.zeros(len(outputs))
+    return SampledBlock(
+        kind=USER,
+        inputs=inputs,
+        outputs=outputs,
+        low=none,
+        high=none,
+        function=respond,
+        initial=state,
+        dt=dt,
+        name=name,
+        input_units=input_units,
+        output_units=output_units,
+    )
+
+
+def _checked_response(found: object, sizes: tuple[int, int], name: str, t: float) -> tuple[FloatArray, FloatArray]:
+    if not isinstance(found, tuple) or len(found) != 2:
+        raise InputError(f"user block {name!r} at t = {t:.9g} s: return (y, new state), got {type(found).__name__}")
+    y, x = (np.atleast_1d(np.asarray(part, dtype=float)) for part in found)
+    if (y.shape, x.shape) != ((sizes[0],), (sizes[1],)):
+        raise InputError(
+            f"user block {name!r} at t = {t:.9g} s: shapes {y.shape}, {x.shape} for ({sizes[0]},) outputs, ({sizes[1]},) states"
+        )
+    if not (np.isfinite(y).all() and np.isfinite(x).all()):
+        raise InputError(f"user block {name!r} at t = {t:.9g} s: returned values that are not finite: {y}")
+    return y, x
+
+
+def _law(
+    kind: str,
+    low: npt.ArrayLike,
+    high: npt.ArrayLike,
+    channels: int,
+    name: str,
+    unit: str,
+    *,
+    initial: FloatArray | None = None,
+    dt: float | None = None,
+) -> SampledBlock:
+    try:
+        bounds = [np.broadcast_to(np.asarray(value, dtype=float), (channels,)).copy() for value in (low, high)]
+    except ValueError:
+        raise InputError(
+            f"{kind} {name!r}: limits {low!r}, {high!r} for {channels} channels; give one value or one a channel"
+        ) from None
+    if np.isnan(bounds).any() or (bounds[0] > bounds[1]).any():
+        raise InputError(f"{kind} {name!r}: limits {low!r} to {high!r}; the lower one must not exceed the upper one")
+    ports = [""] if channels == 1 else [str(k) for k in range(1, channels + 1)]
+    return SampledBlock(
+        kind=kind,
+        inputs=[f"u{k}" for k in ports],
+        outputs=[f"y{k}" for k in ports],
+        low=bounds[0],
+        high=bounds[1],
+        initial=np.zeros(0) if initial is None else initial,
+        dt=dt,
+        name=name,
+        input_units=[unit] * channels,
+        output_units=[unit] * channels,
+    )
