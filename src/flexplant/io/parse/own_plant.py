@@ -72,7 +72,17 @@ def matlab_variables(plant: Plant) -> dict[str, Any]:
     if isinstance(plant, ModalPlant):
         modal = {n: getattr(plant, n) for n in KINDS["modal_plant"][1]}
         out |= {n: a.reshape(-1, 1) if a.ndim == 1 else a for n, a in modal.items() if a is not None}
+        out["mechanical"] = _mechanical(plant)
     return out
+
+
+def _mechanical(plant: ModalPlant) -> dict[str, Any]:
+    """M x'' + C x' + K x = B u, y = F x + G x' + D u, the names and order of MATLAB's mechss."""
+    from flexplant.plant.state_space import output_rows
+
+    position, velocity, direct = output_rows(plant)
+    second = {"M": np.eye(plant.n_modes), "C": plant.damping_matrix, "K": np.diag(plant.omega**2), "B": plant.shape_in}
+    return second | {"F": position, "G": velocity, "D": direct}
 
 
 def _matlab(matrix: Any) -> Any:

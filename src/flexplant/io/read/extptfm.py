@@ -1,0 +1,86 @@
+"""OpenFAST ExtPtfm superelements (FlexASCII): one interface node with six DOF, then Craig-Bampton modes. SI.
+
+Lines are known by how they begin: !Dimension, !Mass Matrix, !Stiffness Matrix, !Damping Matrix; a matrix begins two lines
+below its title. The load history is left out.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from flexplant.errors import InputError, ReadError
+from flexplant.io.formats import Format
+from flexplant.io.parse.files import provenance
+from flexplant.io.parse.names import name_from
+from flexplant.io.parse.number_text import number_table, read_lines
+from flexplant.model.arrays import FloatArray
+from flexplant.model.component import Component
+from flexplant.model.geometry import Nodes
+
+TITLES = {"mass": "!MASS MATRIX", "stiffness": "!STIFFNESS MATRIX", "damping": "!DAMPING MATRIX"}
+INTERFACE = 6
+
+
+def sniff(head: bytes, path: Path) -> bool:  # noqa: ARG001  every sniff function has it
+    """Text that begins with "!" and has a dimension and a mass matrix near its start."""
+    upper = head.upper()
+    return head.lstrip()[:1] == b"!" and b"!DIMENSION" in upper and b"!MASS MATRIX" in upper
+
+
+def read_component(
+    path: Path, *, name: str | None = None, node: int = 1, position: tuple[float, float, float] = (0.0, 0.0, 0.0)
+) -> Component:
+    """The component; node: id that its interface gets; position: of the platform reference point."""
+    if len(tuple(position)) != 3:
+        raise InputError(f"position={position!r}: three numbers are needed")
+    lines = read_lines(path)
+    n = _dimension(path, lines)
+    found = {kind: _matrix(path, lines, title, n) for kind, title in TITLES.items()}
+    damping = found["damping"]
+    return Component(
+        name=name or name_from(path),
+        mass=_needed(path, found["mass"], "mass"),
+        stiffness=_needed(path, found["stiffness"], "stiffness"),
+        damping=damping if damping is not None and damping.any() else None,
+        boundary=[(node, "123456")],  # type: ignore[arg-type]
+        nodes=Nodes(ids=np.array([node]), positions=np.array([position], dtype=float)),
+        source=provenance(path, FORMAT.name, __name__) | {"units": "SI"},
+    )
+
+
+def _dimension(path: Path, lines: list[str]) -> int:
+    for number, line in enumerate(lines, 1):
+        if line.upper().startswith("!DIMENSION"):
+            digits = line[11:].strip()
+            if not digits.isdigit() or not INTERFACE <= int(digits[:9]) <= len(lines):
+                raise ReadError(path, f"has the dimension {digits[:20]!r}", record=f"line {number}")
+            return int(digits)
+    raise ReadError(path, "has no !Dimension line")
+
+
+def _matrix(path: Path, lines: list[str], title: str, n: int) -> FloatArray | None:
+    at = next((i for i, line in enumerate(lines) if line.upper().startswith(title)), None)
+    if at is None:
+        return None
+    body = lines[at + 2 : at + 2 + n]
+    if len(body) < n:
+        raise ReadError(path, f"{title[1:].lower()} has {len(body)} of {n} rows", record=f"line {at + 1}")
+    return number_table(path, body, n, at + 3)
+
+
+def _needed(path: Path, matrix: FloatArray | None, what: str) -> FloatArray:
+    if matrix is None:
+        raise ReadError(path, f"has no {what} matrix (!{what.capitalize()} Matrix)")
+    return matrix
+
+
+FORMAT = Format(
+    name="extptfm",
+    description="OpenFAST ExtPtfm superelement text (FlexASCII)",
+    suffixes=(".fst", ".extptfm"),
+    sniff=sniff,
+    tested_against="our writer, the reading rules of OpenFAST 2.3",
+    readers={"read_component": read_component},
+)

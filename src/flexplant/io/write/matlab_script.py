@@ -1,0 +1,54 @@
+"""A plant as a MATLAB or Octave function `<name>.m` that loads `<name>.mat` and returns a model with names.
+
+sys = plant()            % ss, or dss for a descriptor plant
+sys = plant("mechss")    % modal plants, MATLAB: mechss(M, C, K, B, F, G, D)
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from flexplant.io.formats import Writer
+from flexplant.io.parse.own_plant import Plant
+from flexplant.io.write.atomic import replacing
+from flexplant.io.write.c_text import comment, identifier
+from flexplant.io.write.mat import write_plant as write_mat
+
+SCRIPT = """\
+function [sys, p] = {name}(form)
+% {title}. Written by flexplant; the numbers are in {name}.mat, which belongs beside this file.
+% sys = {name}()          ss; dss where the plant is a descriptor; channels by name
+% sys = {name}("mechss")  second-order model of a modal plant (MATLAB R2020b or later)
+% [sys, p] = {name}()     p: the matrices themselves
+if nargin < 1, form = ""; end
+p = load(fullfile(fileparts(mfilename("fullpath")), "{name}.mat"));
+names = {{"InputName", p.InputName, "OutputName", p.OutputName}};
+if strcmp(form, "mechss")
+  m = p.mechanical;
+  sys = mechss(m.M, m.C, m.K, m.B, m.F, m.G, m.D, names{{:}});
+elseif isfield(p, "E")
+  sys = dss(full(p.A), full(p.B), full(p.C), full(p.D), full(p.E), names{{:}});
+elseif p.dt > 0
+  sys = ss(p.A, p.B, p.C, p.D, p.dt, names{{:}});
+else
+  sys = ss(p.A, p.B, p.C, p.D, names{{:}});
+end
+end
+"""
+
+
+def write_plant(plant: Plant, path: Path, *, target: Path) -> None:
+    """The function at `path`, its data beside `target`; the file's stem must be a MATLAB name, else it is made one."""
+    name = identifier(target.stem)
+    with replacing(target.with_name(f"{name}.mat")) as work:
+        write_mat(plant, work)
+    path.write_text(SCRIPT.format(name=name, title=comment(plant.name)), encoding="utf-8")
+
+
+WRITER = Writer(
+    name="matlab_script",
+    description="MATLAB/Octave function that returns ss, dss or mechss with names, and its .mat",
+    suffixes=(".m",),
+    tested_against="Octave 7 with control",
+    writers={"write_plant": write_plant},
+)

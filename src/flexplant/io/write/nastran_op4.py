@@ -1,0 +1,74 @@
+"""A component as a Nastran external superelement: `.op4` (KXX, MXX, BXX and recovery matrices) with `.asm` and `.pch`.
+
+Matrices are binary and bit-equal; positions in the text files keep 12 digits. The `.pch` lists the DOF of the rows (EXTRN),
+the `.asm` has GRID, CORD2R, SPOINT and SECONCT. Recovery matrices whose name fits (M..., up to 8 letters) go along.
+"""
+
+from __future__ import annotations
+
+import struct
+from pathlib import Path
+
+import numpy as np
+
+from flexplant.io.formats import Writer
+from flexplant.io.write.atomic import replacing
+from flexplant.io.write.nastran_text import geometry_text, grouped, modal_points, pairs_text
+from flexplant.model.arrays import Matrix, dense
+from flexplant.model.component import Component
+
+SQUARE, RECTANGULAR, SYMMETRIC, REAL_DOUBLE = 1, 2, 6, 2
+MATRICES = (("stiffness", "KXX"), ("mass", "MXX"), ("damping", "BXX"))
+
+
+def write_component(component: Component, path: Path, *, target: Path, superelement: int = 1) -> None:
+    """The `.op4` at `path`; `.asm` and `.pch` beside `target`. superelement: its id in the SECONCT entry.
+
+    Raises InputError for a component without node positions.
+    """
+    points = modal_points(component)
+    listed = [*grouped(component.boundary), *((point, "0") for point in points)]
+    geometry = geometry_text(component.nodes, component.boundary, points)
+    seconct = _seconct(superelement, [*component.boundary.nodes, *points])
+    with path.open("wb") as stream:
+        for kind, name in MATRICES:
+            if (matrix := getattr(component, kind)) is not None:
+                stream.write(op4_matrix(name, matrix, SYMMETRIC))
+        for recovery in component.recovery.values():
+            if recovery.displacement is not None and recovery.name.upper().startswith("M") and len(recovery.name) <= 8:
+                stream.write(op4_matrix(recovery.name.upper(), recovery.displacement, RECTANGULAR))
+    for ending, text in ((".asm", seconct + geometry), (".pch", pairs_text("EXTRN", listed) + geometry)):
+        with replacing(target.with_suffix(ending)) as work:
+            work.write_text(f"$ {component.name}\n{text}", encoding="utf-8")
+
+
+def op4_matrix(name: str, matrix: Matrix, form: int) -> bytes:
+    """One matrix as binary OUTPUT4, little-endian, 32-bit integers, dense columns of doubles."""
+    values = dense(matrix)
+    rows, columns = values.shape
+    out = [_record(struct.pack("<4i8s", columns, rows, form, REAL_DOUBLE, name.ljust(8).encode()))]
+    for j in range(columns):
+        column = np.ascontiguousarray(values[:, j], dtype="<f8")
+        out.append(_record(struct.pack("<3i", j + 1, 1, 2 * rows) + column.tobytes()))
+    out.append(_record(struct.pack("<3id", columns + 1, 1, 2, 1.0)))
+    return b"".join(out)
+
+
+def _record(body: bytes) -> bytes:
+    mark = struct.pack("<i", len(body))
+    return mark + body + mark
+
+
+def _seconct(superelement: int, points: list[int]) -> str:
+    """SECONCT: each point is tied to the one with the same id of the residual."""
+    lines = ["".join(f"{p:8d}{p:8d}" for p in points[at : at + 4]) for at in range(0, len(points), 4)]
+    return f"SECONCT {superelement:8d}{0:8d}{'':8}{'NO':>8}\n" + "".join(f"{'':8}{line}\n" for line in lines)
+
+
+WRITER = Writer(
+    name="nastran_op4",
+    description="Nastran external superelement: .op4 with .asm and .pch",
+    suffixes=(".op4",),
+    tested_against="pyYeti",
+    writers={"write_component": write_component},
+)
