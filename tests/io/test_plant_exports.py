@@ -1,0 +1,240 @@
+"""Plants that run elsewhere: compiled C, FMUs in FMPy, Octave, Julia text. Each is compared with our own simulation."""
+
+from __future__ import annotations
+
+import re
+import shutil
+import subprocess
+import zipfile
+from pathlib import Path
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+
+from flexplant.errors import InputError
+from flexplant.io import write_plant
+from flexplant.plant.discretize import discretize
+from flexplant.plant.modal import ModalPlant
+from flexplant.plant.state_space import Descriptor, StateSpace, state_space
+from flexplant.response.frequency import frequency_response
+from flexplant.response.transient import simulate
+
+GCC, OCTAVE = shutil.which("gcc"), shutil.which("octave")
+needs_gcc = pytest.mark.skipif(GCC is None, reason="no C compiler (gcc)")
+needs_octave = pytest.mark.skipif(OCTAVE is None, reason="octave is not installed")
+FLAGS = ["-O3", "-std=c99", "-Wall", "-Wextra", "-pedantic", "-Werror"]
+DT = 1e-3
+
+
+def plant(n: int = 20, *, seed: int = 2, **given: object) -> ModalPlant:
+    rng = np.random.default_rng(seed)
+    fields: dict = {
+        "omega": np.r_[np.zeros(min(n, 2)), np.sort(rng.uniform(3, 5000, max(n - 2, 0)))],
+        "zeta": 0.01,
+        "shape_in": rng.standard_normal((n, 3)),
+        "shape_out": rng.standard_normal((2, n)),
+        "inputs": ["bus.101.1", "bus.101.2", 'odd "name" */ ??='],
+        "outputs": ["optic.9.1", "optic.9.1:a"],
+        "input_units": ["N", "N", "Nm"],
+        "output_units": ["m", "m/s²"],
+        "static_correction": rng.standard_normal((2, 3)),
+        "shape_out_acceleration": rng.standard_normal((2, n)) * 1e-3,
+        "name": "plate & <co>",
+    }
+    return ModalPlant(**(fields | given))
+
+
+DRIVER = """
+#include "p.h"
+#include <stdio.h>
+#include <string.h>
+int main(int argc, char **argv) {
+  p_state s; p_real u[P_INPUTS], y[P_OUTPUTS]; double x;
+  if (argc > 1) { for (int j = 0; j < P_INPUTS; j++) puts(p_input_names[j]); return 0; }
+  (void)argv; memset(&s, 1, sizeof s); p_reset(&s);
+  for (;;) {
+    for (int j = 0; j < P_INPUTS; j++) { if (scanf("%lf", &x) != 1) return 0; u[j] = (p_real)x; }
+    p_step(&s, u, y);
+    for (int k = 0; k < P_OUTPUTS; k++) printf("%.17g ", (double)y[k]);
+  }
+}
+"""
+
+
+def run_c(folder: Path, inputs: np.ndarray, *defines: str) -> np.ndarray:
+    (folder / "main.c").write_text(DRIVER)
+    subprocess.run([GCC, *FLAGS, *defines, "-o", "run", "main.c", "p.c"], cwd=folder, check=True)
+    text = "\n".join(" ".join(map(repr, row)) for row in inputs.T.tolist())
+    done = subprocess.run([folder / "run"], input=text, capture_output=True, text=True, check=True)
+    return np.array(done.stdout.split(), dtype=float).reshape(inputs.shape[1], -1).T
+
+
+@needs_gcc
+@pytest.mark.parametrize("kind", ["modal", "displacements only", "full damping", "state space", "rigid only", "no modes"])
+def test_c_source_equals_our_simulation(tmp_path: Path, kind: str) -> None:
+    full = np.random.default_rng(1).standard_normal((20, 20))
+    given = {
+        "modal": plant(),
+        "displacements only": plant(shape_out_acceleration=None),
+        "full damping": plant(damping=full @ full.T),
+        "state space": discretize(plant(6), DT),
+        "rigid only": plant(2, omega=np.zeros(2)),
+        "no modes": plant(0),
+    }[kind]
+    write_plant(given, tmp_path / "p.c", **({} if kind == "state space" else {"dt": DT}))
+    u = np.random.default_rng(0).standard_normal((3, 400))
+    expected = simulate(given, np.arange(400) * DT, u)["outputs"].values
+    ours = run_c(tmp_path, u)
+    assert abs(ours - expected).max() < 1e-12 * abs(expected).max()
+    single = run_c(tmp_path, u, "-DP_REAL=float")
+    assert abs(single - expected).max() < 1e-3 * abs(expected).max()
+    names = subprocess.run([tmp_path / "run", "names"], capture_output=True, text=True, check=True).stdout
+    assert names.splitlines() == list(given.inputs)
+
+
+@needs_gcc
+def test_c_header_is_for_cpp_too(tmp_path: Path) -> None:
+    write_plant(plant(), tmp_path / "p.c", dt=DT)
+    header = (tmp_path / "p.h").read_text()
+    assert "P_INPUT_BUS_101_1 = 0" in header
+    assert "malloc" not in (tmp_path / "p.c").read_text()
+    (tmp_path / "x.cpp").write_text('#include "p.h"\nint main() { return P_OUTPUT_OPTIC_9_1 + sizeof(p_state) * 0; }\n')
+    if shutil.which("g++"):
+        subprocess.run(["g++", "-Wall", "-Werror", "-fsyntax-only", "x.cpp"], cwd=tmp_path, check=True)
+
+
+def test_c_source_needs_a_sample_time(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="pass dt="):
+        write_plant(plant(), tmp_path / "p.c")
+    with pytest.raises(InputError, match="positive number of seconds"):
+        write_plant(plant(), tmp_path / "p.c", dt=-1)
+    with pytest.raises(InputError, match=r"discrete with dt = 0.001 s"):
+        write_plant(discretize(plant(), DT), tmp_path / "p.c", dt=2e-3)
+    assert list(tmp_path.iterdir()) == []
+
+
+@needs_gcc
+def test_fmu_is_valid_and_equals_our_simulation(tmp_path: Path) -> None:
+    fmpy = pytest.importorskip("fmpy")
+    from fmpy.fmi2 import FMU2Slave
+    from fmpy.validation import validate_fmu
+
+    given = plant()
+    path = str(write_plant(given, tmp_path / "plate.fmu"))
+    assert validate_fmu(path) == []
+    description = fmpy.read_model_description(path)
+    assert [v.name for v in description.modelVariables] == [*given.inputs, *given.outputs]
+    folder = fmpy.extract(path, str(tmp_path / "unzipped"))
+    fmu = FMU2Slave(
+        guid=description.guid, unzipDirectory=folder, modelIdentifier=description.coSimulation.modelIdentifier, instanceName="p"
+    )
+    fmu.instantiate()
+    fmu.setupExperiment()
+    fmu.enterInitializationMode()
+    fmu.exitInitializationMode()
+    u = np.random.default_rng(0).standard_normal((3, 300))
+    for dt in (DT, 7e-5):  # any communication step is exact
+        y = np.zeros((2, 300))
+        fmu.reset()
+        for k in range(300):
+            if k == 100:
+                saved = fmu.getFMUState()
+            if k == 150:  # go back, and get the same again
+                fmu.setFMUState(saved)
+                for i in range(100, 150):
+                    fmu.setReal([0, 1, 2], u[:, i])
+                    fmu.doStep(i * dt, dt)
+                fmu.freeFMUState(saved)
+            fmu.setReal([0, 1, 2], u[:, k])
+            y[:, k] = fmu.getReal([3, 4])
+            fmu.doStep(k * dt, dt)
+        expected = simulate(given, np.arange(300) * dt, u)["outputs"].values
+        assert abs(y - expected).max() < 1e-12 * abs(expected).max()
+    fmu.terminate()
+    fmu.freeInstance()
+
+
+@needs_gcc
+def test_fmpy_simulates_the_fmu_and_compiles_its_sources(tmp_path: Path) -> None:
+    fmpy = pytest.importorskip("fmpy")
+    given = plant(shape_out_acceleration=None, static_correction=None, inputs=["a", "b", "c"], outputs=["x", "y"])
+    time = np.arange(200) * DT
+    u = np.random.default_rng(4).standard_normal((3, 200))
+    signals = np.array([(t, *row) for t, row in zip(time, u.T, strict=True)], dtype=[(n, float) for n in ("time", "a", "b", "c")])
+    path = write_plant(given, tmp_path / "plate.fmu", binary=True)
+    result = fmpy.simulate_fmu(str(path), input=signals, output_interval=DT, stop_time=time[-1])
+    expected = simulate(given, time, u)["outputs"].values
+    for k, name in enumerate("xy"):
+        assert abs(result[name][:200] - expected[k]).max() < 1e-11 * abs(expected).max()
+    sources = write_plant(given, tmp_path / "bare.fmu", binary=False)
+    with zipfile.ZipFile(sources) as archive:
+        assert archive.namelist() == ["modelDescription.xml", "sources/bare.c"]
+    first = sources.read_bytes()
+    assert write_plant(given, tmp_path / "bare.fmu", binary=False).read_bytes() == first
+
+
+def test_fmu_refuses_what_it_cannot_hold(tmp_path: Path) -> None:
+    for other in (plant(damping=np.eye(20)), discretize(plant(), DT)):
+        with pytest.raises(InputError, match="ModalPlant with modal damping"):
+            write_plant(other, tmp_path / "p.fmu")
+
+
+def octave(folder: Path, command: str) -> np.ndarray:
+    done = subprocess.run(
+        [str(OCTAVE), "--no-gui", "-q", "--eval", f"pkg load control; {command}"],
+        cwd=folder, capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    if "package" in done.stderr and "control" in done.stderr:
+        pytest.skip("octave has no control package")
+    assert done.returncode == 0, done.stderr
+    return np.array(re.findall(r"[-+.\deE]+", done.stdout), dtype=float)
+
+
+@needs_octave
+def test_octave_has_the_same_poles_and_response(tmp_path: Path) -> None:
+    given = plant(8, omega=np.r_[0.0, 0.0, np.linspace(3, 300, 6)])
+    write_plant(given, tmp_path / "plate.m")
+    hz = [0.3, 7.0, 100.0]
+    printed = octave(
+        tmp_path,
+        f"s = plate(); p = pole(s); printf('%.17g %.17g\\n', [real(p) imag(p)]'); "
+        f"h = freqresp(s, 2*pi*{hz}); printf('%.17g %.17g\\n', [real(h(:)) imag(h(:))]'); printf('%d', numel(s.inname))",
+    )
+    poles, response, count = printed[:32].reshape(16, 2), printed[32:-1].reshape(-1, 2), printed[-1]
+    assert count == 3
+    ours = np.linalg.eigvals(state_space(given).A)
+    key = lambda z: np.lexsort((np.round(z.imag, 6), np.round(abs(z), 6)))  # noqa: E731
+    theirs = poles[:, 0] + 1j * poles[:, 1]
+    np.testing.assert_allclose(theirs[key(theirs)], ours[key(ours)], atol=1e-9 * abs(ours).max())
+    expected = frequency_response(given, hz).values
+    seen = (response[:, 0] + 1j * response[:, 1]).reshape(expected.shape, order="F")
+    np.testing.assert_allclose(seen, expected, rtol=1e-9, atol=1e-12 * abs(expected).max())
+
+
+@needs_octave
+def test_octave_reads_descriptors_discrete_plants_and_mechanical_matrices(tmp_path: Path) -> None:
+    singular = Descriptor(sp.diags_array([2.0, 0.0]), -np.eye(2), np.ones((2, 1)), np.ones((1, 2)), [[0.5]], ["u"], ["y"])
+    write_plant(singular, tmp_path / "d.m")
+    write_plant(StateSpace([[0.5]], [[1.0]], [[2.0]], [[0.0]], ["u"], ["y"], dt=0.1), tmp_path / "z.m")
+    given = plant(4, omega=[0.0, 1.0, 2.0, 3.0])
+    write_plant(given, tmp_path / "q.m")
+    text = "s = d(); printf('%.17g ', size(s.e), real(freqresp(s, 1))); z = z(); printf('%.17g ', get(z, 'tsam'), z.a);"
+    at_1 = frequency_response(singular, [1 / (2 * np.pi)]).values.real.item()
+    np.testing.assert_allclose(octave(tmp_path, text), [2, 2, at_1, 0.1, 0.5])
+    text = "[~, p] = q(); m = p.mechanical; s = 2i; h = (m.F + s*m.G)*((s^2*m.M + s*m.C + m.K)\\m.B) + m.D; "
+    printed = octave(tmp_path, text + "printf('%.17g ', real(h))")
+    expected = frequency_response(given, [2 / (2 * np.pi)]).values.real[:, :, 0]
+    np.testing.assert_allclose(printed.reshape(2, 3, order="F"), expected, rtol=1e-10)
+
+
+def test_julia_file_keeps_every_digit(tmp_path: Path) -> None:
+    """No Julia here: its literals are parsed, and must be the same doubles."""
+    given = plant()
+    text = write_plant(given, tmp_path / "plate.jl").read_text()
+    direct = given.direct + given.shape_out_acceleration @ given.shape_in
+    for key, values in (("omega", given.omega), ("shape_in", given.shape_in), ("direct", direct)):
+        body = re.search(rf"plate_{key} = reshape\(\[(.*?)\], (\d+), (\d+)\)", text, re.DOTALL)
+        numbers = np.array(body[1].replace(";", " ").split(), dtype=float).reshape(int(body[2]), int(body[3]))
+        np.testing.assert_array_equal(numbers.reshape(values.shape), values)
+    assert 'const plate_inputs = ["bus.101.1", "bus.101.2"' in text
