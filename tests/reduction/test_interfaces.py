@@ -203,3 +203,13 @@ def test_prestress_that_buckles_is_named():
         with pytest.raises(SolverError, match=r"buckled.*negative eigenvalues") as caught:
             method(buckled, corners(model, 2))
         assert "\n" not in str(caught.value)
+
+
+def test_a_mechanism_is_named_with_its_motion(block):
+    plane = plate(4)
+    edge = [(int(n), "123") for n in plane.nodes.ids[plane.nodes.positions[:, 0] < 1e-9]]
+    with pytest.raises(SolverError, match=r"plate.*rotation y and translation z of 25 nodes") as caught:
+        craig_bampton(plane, edge, n_modes=2)
+    assert "\n" not in str(caught.value)
+    with pytest.raises(SolverError, match=r"translation .* of 96 nodes|rotation"):
+        craig_bampton(block, [(1, 1)], n_modes=2)

@@ -72,7 +72,7 @@ def lanczos(
         used = space.last - space.locked
         if used < check and not space.exhausted and space.room:
             continue
-        check = used + block * max(1, used // ((6 if n < CHEAP_BLOCK else 24) * block))
+        check = used + block * (max(3, used // (6 * block)) if n < CHEAP_BLOCK else max(1, used // (24 * block)))
         theta, _, residual = space.ritz()
         pick = _wanted(theta, n_modes, below)
         good = residual[pick] <= tolerance * abs(theta[pick])

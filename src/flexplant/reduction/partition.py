@@ -16,6 +16,7 @@ from flexplant.model.component import FiniteElementModel
 from flexplant.model.dofs import DofSet
 from flexplant.numerics.eigen import count_below
 from flexplant.numerics.factorization import Analysis, Factor, analyze, factorize, refuse_above
+from flexplant.reduction.mechanism import described
 
 SINGULAR = 1e13  # growth of a solve beyond which the interior stiffness is singular to working precision
 SEED = 20190811
@@ -107,10 +108,9 @@ class Partition:
             for _ in range(3):
                 motion = shifted.solve(motion)
                 motion /= np.linalg.norm(motion)
-        moving = [self.model.dofs.pairs[self.i[k]] for k in np.argsort(-abs(motion))[:6]]
         return SolverError(
-            f"model {self.model.name!r}: with the boundary held the interior still moves without stiffness, mostly at DOF "
-            f"{', '.join(f'{n}-{d}' for n, d in moving)}; add boundary DOF that hold it, or remove the mechanism"
+            f"model {self.model.name!r}: with the boundary held the interior still moves without stiffness, "
+            f"{described(self.model, self.i, motion)}; add boundary DOF that hold it, or remove the mechanism"
         )
 
     @cached_property
