@@ -19,7 +19,7 @@ from flexplant.model.component import Component
 sys.path.insert(0, str(Path(__file__).parent / "study"))
 from small_study import STUDY, write_study
 
-COMMANDS = ("demo", "run", "check", "couple", "export", "new", "schema")
+COMMANDS = ("demo", "run", "check", "reduce", "couple", "export", "new", "schema")
 EXECUTABLE = [sys.executable, "-c", "from flexplant.cli import main; main()"]
 
 

@@ -157,6 +157,34 @@ def check(
         raise _end(f"{len(failed)} checks failed: {', '.join(failed)}", FAILED)
 
 
+@app.command(epilog="Example: flexplant reduce bus_KM.npz --boundary 9001,9201:123456 --modes 80 --ritz 2 -o bus.npz")
+@_told
+def reduce(
+    model: Annotated[Path, typer.Argument(help="Unreduced model: mass and stiffness with their DOF.")],
+    boundary: Annotated[str, typer.Option(help="node,node:directions; several groups separated by blanks.")],
+    output: Annotated[Path, typer.Option("--output", "-o", help="Component file to write (.npz or .h5).")],
+    max_frequency: Annotated[float | None, typer.Option(help="Fixed-interface modes up to here, Hz.")] = None,
+    modes: Annotated[int | None, typer.Option(help="Or this many of them.")] = None,
+    ritz: Annotated[int, typer.Option(help="Blocks of load-dependent Ritz vectors beside the modes.")] = 0,
+    geometry: Annotated[Path | None, typer.Option(help="Deck with the node positions that the model lacks.")] = None,
+    format: Format = None,  # noqa: A002
+    units: Units = None,
+) -> None:
+    """Reduce a model to a Hurty/Craig-Bampton component, check it and write it."""
+    from flexplant.io import read_model, write_component
+    from flexplant.reduction import craig_bampton
+    from flexplant.study.assemble import parse_boundary
+    from flexplant.study.tables import component_text
+    from flexplant.verification import check_component
+
+    options: dict[str, Any] = {} if geometry is None else {"geometry": geometry}
+    full = read_model(model, format=format, units=units, **options)
+    how: dict[str, Any] = {"max_frequency_hz": max_frequency, "n_modes": modes, "residual_vectors": ritz}
+    component = craig_bampton(full, parse_boundary(boundary), **how)
+    typer.echo(component_text(component, check_component(component)))
+    typer.echo(f"\nreduced {len(full.dofs)} DOF to {component.n}; wrote {write_component(component, output)}")
+
+
 @app.command(epilog="Example: flexplant couple bus.op4 optic.op4 --connect bus:optic:3,11,19,27 -o system.npz")
 @_told
 def couple(

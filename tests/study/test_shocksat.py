@@ -67,6 +67,15 @@ def test_figure_4_plant_over_the_unreduced_model(result):
     assert abs(truth.uncorrected.values[0, 0, -1] / direct[-1]) < 0.2, "above 300 Hz the truncated plant rolls off"
 
 
+def test_components_reduced_here_follow_the_unreduced_model(result):
+    """Fewer coordinates than delivered, and no observable difference where the plant keeps its modes."""
+    truth = result.truth
+    direct, second = truth.direct.values[0, 0], truth.second.values[0, 0]
+    below = truth.direct["frequency"].values < 150
+    np.testing.assert_array_less(abs(second / direct - 1)[below], 1e-3)
+    assert truth.second_below_limit[3] < 0.1 < truth.below_limit[3]
+
+
 def test_figure_9_loop_numbers(result):
     for axis in result.line_of_sight.figures:
         assert axis.peak_hz == pytest.approx(675.4, rel=1e-3)

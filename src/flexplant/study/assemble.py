@@ -9,9 +9,10 @@ import numpy as np
 
 from flexplant.assembly import GROUND, Connection, System, couple
 from flexplant.errors import InputError
-from flexplant.io import read_component
+from flexplant.io import read_component, read_model
 from flexplant.model.component import Component
 from flexplant.model.geometry import Placement
+from flexplant.reduction import craig_bampton
 from flexplant.study.schema import ComponentSpec, ConnectionSpec, GroundSpec, StudySpec, UnitsSpec
 
 
@@ -23,7 +24,19 @@ def read_components(study: StudySpec, folder: Path) -> tuple[Component, ...]:
 def _read(name: str, spec: ComponentSpec, study: StudySpec, folder: Path) -> Component:
     shared = study.damping.ratio if study.damping is not None and study.damping.on == "components" else None
     damping = spec.damping if spec.damping is not None else shared
-    return read_component(folder / spec.file, format=spec.format, name=name, damping=damping, units=_units(spec))
+    if spec.reduce is None:
+        return read_component(folder / spec.file, format=spec.format, name=name, damping=damping, units=_units(spec))
+    options = {} if spec.geometry is None else {"geometry": folder / spec.geometry}
+    model = read_model(folder / spec.file, format=spec.format, name=name, units=_units(spec), **options)
+    how = spec.reduce
+    return craig_bampton(
+        model,
+        how.boundary,
+        max_frequency_hz=how.max_frequency_hz,
+        n_modes=how.n_modes,
+        residual_vectors=how.residual_vectors,
+        damping_ratio=damping,
+    )
 
 
 def _units(spec: ComponentSpec) -> Any:
@@ -81,6 +94,17 @@ def parse_ground(text: str) -> Connection:
     if not component or not nodes:
         raise InputError(f"ground {text!r}: write component:node,node")
     return Connection(component, GROUND, pairs=_nodes(nodes, text), name=f"ground-{component}")
+
+
+def parse_boundary(text: str) -> list[tuple[int, str]]:
+    """Boundary DOF from "9001,9002:123456 9101:123", groups separated by blanks. Raises InputError."""
+    out = []
+    for group in text.split():
+        nodes, colon, directions = group.partition(":")
+        out += [(node, directions if colon else "123456") for node in _nodes(nodes, text)]
+    if not out:
+        raise InputError("boundary: name nodes and directions, such as '9001,9002:123456 9101:123'")
+    return out
 
 
 def _nodes(text: str, whole: str) -> list[int]:

@@ -8,10 +8,7 @@ from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
 
-from flexplant.assembly import System
 from flexplant.modes import normal_modes
-from flexplant.plant.modal import ModalPlant, modal_plant
-from flexplant.plant.truncation import reduce_modes
 from flexplant.response.frequency import frequency_response
 from flexplant.study.assemble import assemble, read_components
 from flexplant.study.display import structure_view
@@ -19,6 +16,7 @@ from flexplant.study.grid import frequency_grid
 from flexplant.study.line_of_sight import line_of_sight
 from flexplant.study.load import load_study
 from flexplant.study.outputs import output_folder
+from flexplant.study.plant import build_plant
 from flexplant.study.provenance import provenance
 from flexplant.study.result import StudyResult
 from flexplant.study.schema import StudySpec
@@ -73,7 +71,7 @@ def _result(study: StudySpec, folder: Path, steps: _Steps) -> StudyResult:
     if study.truth is not None:
         limit = study.plant.max_frequency_hz or float(modes.frequency_hz[-1])
         steps("solving the unreduced model", 0.25)
-        truth = compare_with_truth(study.truth, folder, plant, limit, steps.between(0.25, 0.9))
+        truth = compare_with_truth(study, folder, plant, limit, steps.between(0.25, 0.9))
     found = StudyResult(
         study=study,
         system=system,
@@ -93,21 +91,6 @@ def _result(study: StudySpec, folder: Path, steps: _Steps) -> StudyResult:
 def _highest(study: StudySpec) -> float | None:
     wanted = study.verification.max_frequency_hz or study.plant.max_frequency_hz
     return None if wanted is None else wanted * MARGIN
-
-
-def build_plant(study: StudySpec, system: System) -> ModalPlant:
-    """The modal plant of a study."""
-    spec, damping = study.plant, study.damping
-    plant = modal_plant(
-        system,
-        inputs=spec.inputs,
-        outputs=spec.outputs,
-        max_frequency_hz=spec.max_frequency_hz,
-        damping_ratio=damping.ratio if damping is not None and damping.on == "system" else None,
-        static_correction=spec.static_correction,
-        off_diagonal_damping=spec.off_diagonal_damping,
-    )
-    return plant if spec.drop_tolerance is None else reduce_modes(plant, tolerance=spec.drop_tolerance)
 
 
 class _Steps:

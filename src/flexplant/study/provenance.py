@@ -32,7 +32,7 @@ def _files(study: StudySpec) -> list[str]:
     reference = study.verification.reference
     named = [c.file for c in study.components.values()]
     named += [reference.file] if reference is not None and reference.file is not None else []
-    named += [study.truth.file] if study.truth is not None else []
+    named += [study.truth.file, *(c.file for c in study.truth.components.values())] if study.truth is not None else []
     return list(dict.fromkeys(named))
 
 

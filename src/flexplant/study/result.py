@@ -27,7 +27,8 @@ class TruthResult:
     """The plant beside the unreduced model: complex responses, dims (output, input, frequency), one law of damping on both sides.
 
     direct: unreduced model. plant, uncorrected: reduced plant with and without static correction. viscous: the plant with its own
-    damping, to show what the law of damping changes. table: differences by band. below_limit:
+    damping, to show what the law of damping changes. second: the plant from other components, or None, with its
+    second_below_limit. table: differences by band. below_limit:
     lowest and highest Hz of the plant's own range, and in it the median of the local and the largest difference over the peak, %.
     """
 
@@ -37,6 +38,8 @@ class TruthResult:
     viscous: xr.DataArray
     table: Table
     below_limit: tuple[float, float, float, float]
+    second: xr.DataArray | None = None
+    second_below_limit: tuple[float, float, float, float] | None = None
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -37,6 +37,21 @@ class UnitsSpec(Section):
     mass_kg: Positive = Field(description="one unit of mass in kilograms")
 
 
+class ReduceSpec(Section):
+    """Reduction of an unreduced model to a component: constraint modes, fixed-interface modes, load-dependent Ritz vectors."""
+
+    boundary: list[tuple[NodeId, Directions]] = Field(min_length=1, description='[node, "123456"] rows: interface, loads')
+    max_frequency_hz: Positive | None = Field(default=None, description="fixed-interface modes up to here")
+    n_modes: int | None = Field(default=None, ge=0, description="or this many fixed-interface modes")
+    residual_vectors: int = Field(default=0, ge=0, le=10, description="blocks of load-dependent Ritz vectors beside the modes")
+
+    @model_validator(mode="after")
+    def _one_limit(self) -> ReduceSpec:
+        if (self.max_frequency_hz is None) == (self.n_modes is None):
+            raise ValueError("give either max_frequency_hz or n_modes")
+        return self
+
+
 class ComponentSpec(Section):
     """One component; its key is its name in connections and channel names."""
 
@@ -51,6 +66,8 @@ class ComponentSpec(Section):
         description="modal damping ratio of the component (equation 4): one value, one a mode, or rows [frequency_hz, ratio]",
     )
     placement: PlacementSpec | None = Field(default=None, description="rotation and translation; left out: not moved")
+    reduce: ReduceSpec | None = Field(default=None, description="the file holds an unreduced model: reduce it like this")
+    geometry: StudyPath | None = Field(default=None, description="deck with the node positions that an unreduced model lacks")
 
 
 class ConnectionSpec(Section):
@@ -195,6 +212,10 @@ class TruthSpec(Section):
     output: str = Field(description="plant output, component.node.direction; the whole model has the same node id")
     structural_damping: NotNegative = Field(
         description="factor g of K (1 + i g), used on both sides of the comparison; 2 zeta gives the same resonance peaks",
+    )
+    components: dict[str, ComponentSpec] = Field(
+        default={},
+        description="components taken instead of those of the study, for a second plant that is compared too",
     )
     frequency: ResponseSpec = Field(default=ResponseSpec(), description="where to compare")
 

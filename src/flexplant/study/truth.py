@@ -16,9 +16,11 @@ from flexplant.model.arrays import FloatArray
 from flexplant.plant.modal import ModalPlant, select
 from flexplant.response.frequency import frequency_response
 from flexplant.response.structural import direct_response, structural_response
+from flexplant.study.assemble import assemble, read_components
 from flexplant.study.grid import frequency_grid
+from flexplant.study.plant import build_plant
 from flexplant.study.result import TruthResult
-from flexplant.study.schema import TruthSpec
+from flexplant.study.schema import StudySpec, TruthSpec
 from flexplant.verification import Table
 
 STRONGEST = 40  # resonances at which the unreduced model is solved too
@@ -26,9 +28,11 @@ BANDS = (0.25, 0.5, 0.75, 1.0)  # parts of the plant's range over which differen
 
 
 def compare_with_truth(
-    spec: TruthSpec, folder: Path, plant: ModalPlant, limit_hz: float, tell: Callable[[float], None]
+    study: StudySpec, folder: Path, plant: ModalPlant, limit_hz: float, tell: Callable[[float], None]
 ) -> TruthResult:
     """Both responses at the same frequencies with the same structural damping; `tell` hears the done share."""
+    spec = study.truth
+    assert spec is not None
     one = select(plant, inputs=[spec.input], outputs=[spec.output])
     model = read_model(folder / spec.file, format=spec.format)
     hz = frequency_grid(spec.frequency, one, strongest=STRONGEST)
@@ -43,14 +47,24 @@ def compare_with_truth(
     ours = structural_response(one, hz, spec.structural_damping)
     bare = structural_response(replace(one, static_correction=None), hz, spec.structural_damping)
     viscous = frequency_response(one, hz)
+    other = structural_response(_second_plant(study, spec, folder), hz, spec.structural_damping) if spec.components else None
     return TruthResult(
         direct=direct,
         plant=ours,
         uncorrected=bare,
         viscous=viscous,
-        table=_table(direct, ours, bare, viscous, hz, limit_hz),
+        second=other,
+        table=_table(direct, ours, bare, viscous, other, hz, limit_hz),
         below_limit=_below_limit(direct, ours, hz, limit_hz),
+        second_below_limit=None if other is None else _below_limit(direct, other, hz, limit_hz),
     )
+
+
+def _second_plant(study: StudySpec, spec: TruthSpec, folder: Path) -> ModalPlant:
+    """The same plant from other components, for the compared input and output."""
+    instead = study.model_copy(update={"components": {**study.components, **spec.components}})
+    plant = build_plant(instead, assemble(instead, read_components(instead, folder)))
+    return select(plant, inputs=[spec.input], outputs=[spec.output])
 
 
 def _below_limit(direct: xr.DataArray, ours: xr.DataArray, hz: FloatArray, limit_hz: float) -> tuple[float, float, float, float]:
@@ -70,17 +84,24 @@ def _dof(channel: str) -> tuple[int, int]:
 
 
 def _table(
-    direct: xr.DataArray, ours: xr.DataArray, bare: xr.DataArray, viscous: xr.DataArray, hz: FloatArray, limit_hz: float
+    direct: xr.DataArray,
+    ours: xr.DataArray,
+    bare: xr.DataArray,
+    viscous: xr.DataArray,
+    second: xr.DataArray | None,
+    hz: FloatArray,
+    limit_hz: float,
 ) -> Table:
     """Differences by band: largest and median of |G - G_direct|, over the largest and over the local |G_direct|."""
     edges = [float(hz[0]), *(limit_hz * b for b in BANDS), float(hz[-1])]
+    others = [ours, bare, viscous] + ([] if second is None else [second])
     rows = []
     for low, high in pairwise(edges):
         at = (hz >= low) & (hz <= high)
         if not at.any() or high <= low:
             continue
         truth = direct.values[0, 0, at]
-        error = [abs(other.values[0, 0, at] - truth) for other in (ours, bare, viscous)]
+        error = [abs(other.values[0, 0, at] - truth) for other in others]
         percent = [100 * float(e.max() / abs(truth).max()) for e in error]
         local = 100 * float(np.median(error[0] / abs(truth)))
         rows.append((f"{low:.4g} - {high:.4g}", int(at.sum()), local, *percent))
@@ -91,5 +112,6 @@ def _table(
         "of band peak, largest [%]",
         "no static correction [%]",
         "viscous damping [%]",
+        *(() if second is None else ("second plant [%]",)),
     )
     return Table("Plant against the unreduced model", columns, tuple(rows))

@@ -60,6 +60,7 @@ def dataset(result: StudyResult) -> xr.Dataset:
 
 def _truth(truth: TruthResult) -> dict[str, xr.DataArray]:
     kinds = {"direct": truth.direct, "plant": truth.plant, "plant_uncorrected": truth.uncorrected, "plant_viscous": truth.viscous}
+    kinds |= {} if truth.second is None else {"second_plant": truth.second}
     return {f"comparison_{name}": data[0, 0].drop_vars(["output", "input"]).rename(frequency="comparison_frequency")
             for name, data in kinds.items()}  # fmt: skip
 

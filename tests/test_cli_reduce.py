@@ -1,0 +1,54 @@
+"""`flexplant reduce`: what it writes couples like the model itself; mistakes are one line."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+import flexplant as fp
+from flexplant.cli import app
+
+N = 8
+
+
+@pytest.fixture
+def model(tmp_path):
+    """A free chain of eight masses along x, as a file."""
+    k = 1e4 * (np.diag([1.0] + [2.0] * (N - 2) + [1.0]) - np.eye(N, k=1) - np.eye(N, k=-1))
+    nodes = fp.Nodes(np.arange(1, N + 1), np.c_[np.arange(float(N)), np.zeros((N, 2))])
+    chain = fp.FiniteElementModel(name="chain", mass=np.eye(N), stiffness=k, dofs=[(i, 1) for i in range(1, N + 1)], nodes=nodes)
+    return fp.write_model(chain, tmp_path / "chain.npz")
+
+
+def call(*arguments: object):
+    return CliRunner().invoke(app, ["reduce", *map(str, arguments)])
+
+
+def test_the_written_component_has_the_modes_of_the_model(model, tmp_path):
+    out = tmp_path / "reduced.npz"
+    result = call(model, "--boundary", f"1,{N}:1", "--modes", N - 2, "-o", out)
+    assert result.exit_code == 0, result.output
+    assert f"reduced {N} DOF to {N}" in result.stdout
+    full, reduced = (fp.normal_modes(m).frequency_hz for m in (fp.read_model(model), fp.read_component(out)))
+    np.testing.assert_allclose(reduced, full, rtol=1e-9, atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("--boundary", "99:1", "--modes", 2), "99"),
+        (("--boundary", "1:8", "--modes", 2), "directions"),
+        (("--boundary", "one:1", "--modes", 2), "whole numbers"),
+        (("--boundary", " ", "--modes", 2), "boundary"),
+        (("--boundary", "1:1"), "max_frequency_hz"),
+        (("--boundary", "1:1", "--modes", 50), "50"),
+    ],
+)
+def test_mistakes_are_one_line_and_nothing_is_written(model, tmp_path, arguments, words):
+    out = tmp_path / "reduced.npz"
+    result = call(model, *arguments, "-o", out)
+    assert result.exit_code == 2
+    (line,) = result.stderr.strip().splitlines()
+    assert words in line
+    assert not out.exists()
