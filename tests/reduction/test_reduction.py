@@ -162,3 +162,23 @@ def test_a_mechanism_inside_is_named():
     loose = fp.FiniteElementModel(name="loose", mass=np.eye(4), stiffness=1e6 * k, dofs=[(i, 1) for i in (1, 2, 3, 4)])
     with pytest.raises(SolverError, match=r"loose.*(3-1|4-1)"):
         fp.craig_bampton(loose, [(1, 1)], n_modes=1)
+
+
+@pytest.mark.parametrize("options", [{"n_modes": 0}, {"max_frequency_hz": 100.0}, {"accuracy": 1e-6, "max_frequency_hz": 100.0}])
+def test_a_boundary_of_all_dof_is_the_model_itself(options):
+    model = chain(4)
+    component = fp.craig_bampton(model, [(i, 1) for i in (1, 2, 3, 4)], recover=[(2, 1)], keep_basis=True, **options)
+    assert component.n_modal == 0
+    np.testing.assert_array_equal(component.mass, model.mass)
+    np.testing.assert_array_equal(component.stiffness, model.stiffness)
+    np.testing.assert_array_equal(component.basis, np.eye(4))
+    np.testing.assert_array_equal(component.recovery["displacement"].displacement, [[0, 1, 0, 0]])
+
+
+def test_matrices_that_are_no_numbers_or_not_symmetric():
+    stiffness = chain().stiffness.copy()
+    for entry, words in ((np.nan, "not finite"), (1e6, "not symmetric")):
+        wrong = stiffness.copy()
+        wrong[2, 5] = entry
+        with pytest.raises(ModelError, match=words):
+            fp.FiniteElementModel(name="x", mass=np.eye(12), stiffness=wrong, dofs=[(i + 1, 1) for i in range(12)])

@@ -61,7 +61,7 @@ def craig_bampton(
     part = Partition.of(model, boundary, threads=threads, memory_limit=memory_limit)
     forces = load_columns(part, loads)
     verified = None
-    if accuracy is not None and max_frequency_hz is not None:
+    if accuracy is not None and max_frequency_hz is not None and part.i.size:
         interior, verified = chosen_for(part, accuracy, max_frequency_hz, forces, progress)
     else:
         interior = fixed_interface(part, max_frequency_hz=max_frequency_hz, n_modes=n_modes, loads=forces, progress=progress)
