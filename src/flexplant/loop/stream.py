@@ -63,7 +63,7 @@ def _pieces(
 ) -> Iterator[xr.Dataset]:
     for first, stop in chunks(samples, piece):
         last = stop == samples
-        t = start + dt * np.arange(first, stop if last else stop + 1)
+        t: FloatArray = start + dt * np.arange(first, stop if last else stop + 1, dtype=float)
         w = source(t)
         parts = []
         for a, b in chunks(t.size - 1, runner.chunk):

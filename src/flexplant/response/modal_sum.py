@@ -12,29 +12,94 @@ import scipy.linalg
 from flexplant.errors import InputError
 from flexplant.model.arrays import FloatArray
 from flexplant.plant.modal import ModalPlant
+from flexplant.response.receptance import receptance
 
 ComplexArray: TypeAlias = npt.NDArray[np.complex128]
-BLOCK = 128  # frequencies whose modal transfer functions stay in cache
+BLOCK = 512  # frequencies whose modal transfer functions stay in cache
 RIGID_ROUND_OFF = 1e-9  # rigid-body response relative to its terms, below which it is taken as cancelled at 0 Hz
 WELL_CONDITIONED = 1e5  # eigenvectors up to which pole-residue sums keep about eleven digits
 
 
-def modal_response(plant: ModalPlant, hz: FloatArray) -> ComplexArray:
-    """(ny, nu, nf) complex response of a checked plant at checked frequencies."""
+def modal_response(plant: ModalPlant, hz: FloatArray, out: ComplexArray | None = None) -> ComplexArray:
+    """(ny, nu, nf) complex response of a checked plant at checked frequencies, written into `out` where it is given."""
     omega = 2 * np.pi * hz
     ny, nu = len(plant.outputs), len(plant.inputs)
-    out = np.zeros((ny, nu, hz.size), dtype=complex)
-    out += plant.direct[:, :, None]
-    if not plant.n_modes or not ny or not nu:
-        return out
-    if plant.damping is None:
-        flexible = _add_rigid(plant, omega, out)
+    out = np.empty((ny, nu, hz.size), dtype=complex) if out is None else out
+    if plant.n_modes and ny and nu and plant.damping is None:
         _refuse_poles(plant, omega)
-        for rows, order, residues in _residues(plant, flexible):
-            _add_flexible(out, rows, order, residues, plant.omega[flexible], plant.zeta[flexible], omega)
-    else:
+        for at, values in modal_blocks(plant, omega):
+            out[:, :, at] = values
+        return out
+    out[:] = plant.direct[:, :, None]
+    if plant.n_modes and ny and nu:
         _add_fully_damped(plant, omega, out)
     return out
+
+
+def modal_blocks(plant: ModalPlant, omega: FloatArray) -> Iterator[tuple[slice, ComplexArray]]:
+    """Blocks of frequencies (slice, (ny, nu, block)) of a plant with modal damping; the array is overwritten by the next block.
+
+    Residues c_i b_i^T times receptances, real times complex, as one real product a block; rigid-body modes are one more
+    column with the receptance -1 / w^2, direct terms one with 1.
+    """
+    nu = len(plant.inputs)
+    flexible = plant.omega > 0
+    modal_omega, zeta = plant.omega[flexible], plant.zeta[flexible]
+    terms = [(rows, order, _residue_columns(plant, rows, shapes, flexible)) for rows, order, shapes in _kinds(plant)]
+    _refuse_infinite(plant, omega)
+    size = min(BLOCK, omega.size)
+    table = np.empty((modal_omega.size + 1, 2 * size))
+    products = [np.empty((residues.shape[0], 2 * size)) for _, _, residues in terms]
+    for start in range(0, omega.size, BLOCK):
+        w = omega[start : start + BLOCK]
+        if w.size < size:  # the last block
+            table, products = np.empty((table.shape[0], 2 * w.size)), [np.empty((len(p), 2 * w.size)) for p in products]
+        receptance(modal_omega, zeta, w, table[:-1])
+        table[-1, ::2], table[-1, 1::2] = -1 / np.where(w == 0, np.inf, w) ** 2, 0.0
+        for (_, order, residues), product in zip(terms, products, strict=True):
+            np.matmul(residues, table, out=product)
+            _differentiate(product.view(complex), order, residues[:, -1], w)
+        shaped = [(rows, p.view(complex).reshape(rows.size, nu, -1)) for (rows, _, _), p in zip(terms, products, strict=True)]
+        yield slice(start, start + w.size), _combined(shaped, plant.direct, w.size)
+
+
+def _differentiate(product: ComplexArray, order: int, rigid: FloatArray, w: FloatArray) -> None:
+    """Times (i w)^order in place; at w = 0 the accelerations of rigid-body modes, which the product does not see, are added."""
+    if order:
+        product *= (1j * w) ** order
+    if order == 2 and (w == 0).any():
+        product[:, w == 0] += rigid[:, None]
+
+
+def _combined(parts: list[tuple[npt.NDArray[np.int64], ComplexArray]], direct: FloatArray, nf: int) -> ComplexArray:
+    """The sum of the parts on their rows and the direct terms, in the memory of the first part where it covers all rows."""
+    if parts and parts[0][0].size == direct.shape[0]:
+        values, parts = parts[0][1], parts[1:]
+        if direct.any():
+            values += direct[:, :, None]
+    else:
+        values = np.repeat(direct[:, :, None].astype(complex), nf, axis=2)
+    for rows, part in parts:
+        values[rows] += part
+    return values
+
+
+def _residue_columns(
+    plant: ModalPlant, rows: npt.NDArray[np.int64], shapes: FloatArray, flexible: npt.NDArray[np.bool_]
+) -> FloatArray:
+    """(rows * nu, modes + 1): c_i b_i^T of each flexible mode, then the sum of those of the rigid-body modes."""
+    product = shapes[:, None, flexible] * plant.shape_in[flexible].T[None, :, :]
+    rigid = shapes[:, ~flexible] @ plant.shape_in[~flexible]
+    return np.ascontiguousarray(np.concatenate([product, rigid[:, :, None]], axis=2).reshape(rows.size * rigid.shape[1], -1))
+
+
+def _refuse_infinite(plant: ModalPlant, omega: FloatArray) -> None:
+    """InputError for 0 Hz where a displacement or velocity sees a rigid-body mode."""
+    rigid = plant.omega == 0
+    if rigid.any() and not omega.all():
+        for rows, order, shapes in _kinds(plant):
+            if order < 2:
+                _refuse_rigid_at_zero(plant, rows, shapes, shapes[:, rigid] @ plant.shape_in[rigid])
 
 
 def _kinds(plant: ModalPlant) -> Iterator[tuple[npt.NDArray[np.int64], int, FloatArray]]:
@@ -42,50 +107,6 @@ def _kinds(plant: ModalPlant) -> Iterator[tuple[npt.NDArray[np.int64], int, Floa
     for order, shapes in enumerate((plant.shape_out, plant.shape_out_velocity, plant.shape_out_acceleration)):
         if shapes is not None and (rows := np.flatnonzero(shapes.any(axis=1))).size:
             yield rows, order, shapes[rows]
-
-
-def _residues(plant: ModalPlant, which: npt.NDArray[np.bool_]) -> Iterator[tuple[npt.NDArray[np.int64], int, FloatArray]]:
-    """Each kind's residues c_i b_i^T of the selected modes, (rows * nu, modes)."""
-    for rows, order, shapes in _kinds(plant):
-        product = shapes[:, None, which] * plant.shape_in[which].T[None, :, :]
-        yield rows, order, product.reshape(-1, product.shape[2])
-
-
-def _add_flexible(
-    out: ComplexArray,
-    rows: npt.NDArray[np.int64],
-    order: int,
-    residues: FloatArray,
-    modal_omega: FloatArray,
-    zeta: FloatArray,
-    omega: FloatArray,
-) -> None:
-    """out[rows] += residues (i w)^order / (wn^2 - w^2 + 2 i zeta wn w), real and imaginary parts by two real products."""
-    shape = (rows.size, out.shape[1], -1)
-    buffers = np.empty((3, modal_omega.size, BLOCK))  # reused: fresh arrays of this size cost more than the arithmetic
-    for start in range(0, omega.size, BLOCK):
-        at = slice(start, start + BLOCK)
-        w = omega[at]
-        real, imaginary, scale = buffers[:, :, : w.size]
-        np.subtract.outer(modal_omega, w, out=real)
-        real *= np.add.outer(modal_omega, w, out=scale)
-        np.multiply.outer(2 * zeta * modal_omega, w, out=imaginary)
-        np.multiply(real, real, out=scale)
-        scale += imaginary * imaginary
-        np.reciprocal(scale, out=scale)
-        real *= scale
-        imaginary *= scale
-        np.negative(imaginary, out=imaginary)
-        h_real, h_imaginary = (residues @ real).reshape(shape), (residues @ imaginary).reshape(shape)
-        if order == 1:
-            h_real, h_imaginary = -w * h_imaginary, w * h_real
-        elif order == 2:
-            h_real, h_imaginary = -(w**2) * h_real, -(w**2) * h_imaginary
-        if rows.size == out.shape[0]:
-            out[:, :, at].real += h_real
-            out[:, :, at].imag += h_imaginary
-        else:
-            out[rows, :, at] += h_real + 1j * h_imaginary
 
 
 def _add_rigid(plant: ModalPlant, omega: FloatArray, out: ComplexArray) -> npt.NDArray[np.bool_]:
