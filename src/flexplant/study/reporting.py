@@ -103,7 +103,7 @@ def _response_items(result: StudyResult) -> Iterator[Item]:
 def _truth_figure(result: StudyResult, truth: TruthResult) -> go.Figure:
     curves = {"unreduced model": truth.direct, "plant": truth.plant, "plant without static correction": truth.uncorrected}
     if truth.second is not None:
-        curves["second plant"] = truth.second
+        curves["plant, other components"] = truth.second
     title = f"{truth.direct['output'].values[0]} / {truth.direct['input'].values[0]}"
     return transfer_function(
         curves, title=title, reference="unreduced model", truncated_above_hz=result.study.plant.max_frequency_hz
@@ -116,7 +116,7 @@ def _truth_caption(truth: TruthResult) -> str:
         "frequencies, with the same structural damping on both sides, so that only reduction and truncation differ. Above "
         "the retained modes the plant rolls off to its static correction, and without it to the mass line. Near a resonance a "
         "relative frequency error e of the reduction shows as a difference of about e over the damping ratio."
-        + ("" if truth.second is None else " The second plant is the same system from the components named for comparison.")
+        + ("" if truth.second is None else " The other components are those the study names for comparison.")
     )
 
 

@@ -107,11 +107,11 @@ def _table(
         rows.append((f"{low:.4g} - {high:.4g}", int(at.sum()), local, *percent))
     columns = (
         "band [Hz]",
-        "frequencies",
-        "local, median [%]",
-        "of band peak, largest [%]",
-        "no static correction [%]",
-        "viscous damping [%]",
-        *(() if second is None else ("second plant [%]",)),
+        "points",
+        "local median [%]",
+        "of peak [%]",
+        "uncorrected [%]",
+        "viscous [%]",
+        *(() if second is None else ("other components [%]",)),
     )
     return Table("Plant against the unreduced model", columns, tuple(rows))
