@@ -74,6 +74,5 @@ FORMAT = Format(
     description="CalculiX matrices: .sti, .mas, .dof",
     suffixes=(".sti",),
     sniff=sniff,
-    tested_against="the layout of ccx's matrixstorage",
     readers={"read_model": read_model},
 )

@@ -81,6 +81,6 @@ FORMAT = Format(
     description="OpenFAST ExtPtfm superelement text (FlexASCII)",
     suffixes=(".fst", ".extptfm"),
     sniff=sniff,
-    tested_against="our writer, the reading rules of OpenFAST 2.3",
+    tested_against="the reading rules of OpenFAST 2.3",
     readers={"read_component": read_component},
 )

@@ -73,6 +73,5 @@ FORMAT = Format(
     description="Sierra/SD Kaa.m, Maa.m text with a .csv of the DOF",
     suffixes=(".m",),
     sniff=sniff,
-    tested_against="",
     readers={"read_model": read_model},
 )
