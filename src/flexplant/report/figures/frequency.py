@@ -215,8 +215,8 @@ def _differences(figure: go.Figure, entries: Mapping[str, xr.DataArray], referen
         percent = 100 * np.abs(_complex(data)[here] - truth) / np.maximum(np.abs(truth), np.finfo(float).tiny)
         keep = thin_out(percent)
         name = f"{label} minus {reference}"
-        shown = {"name": name, "number": number, "legend": False, "hover": "%{x:.5g} Hz<br>%{y:.3g} %"}
-        trace = line(hz[keep], percent[keep], width=1.0, **shown)
+        hover = "%{x:.5g} Hz<br>%{y:.3g} %"
+        trace = line(hz[keep], percent[keep], name=name, number=number, legend=False, hover=hover, width=1.0)
         figure.add_trace(trace, row=3, col=1)
 
 
