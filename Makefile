@@ -13,7 +13,7 @@ WORKERS ?= 2
 # Two makes at the same time take turns at the environment where flock exists.
 TAKE_TURNS := $(shell command -v flock >/dev/null 2>&1 && echo "flock .venv.lock")
 
-.PHONY: demo test test-all bench lint clean
+.PHONY: demo test test-all test-slow bench lint clean
 .DELETE_ON_ERROR:
 
 demo: .venv/ready-all
@@ -24,6 +24,9 @@ test: .venv/ready-dev
 
 test-all: .venv/ready-dev
 	$(ONE_THREAD) $(BIN)/python -m pytest -n $(WORKERS) -m ""
+
+test-slow: .venv/ready-dev
+	$(ONE_THREAD) $(BIN)/python -m pytest -n $(WORKERS) -m slow
 
 bench: .venv/ready-bench
 	@for script in benchmarks/bench_*.py; do echo "== $$script"; $(ONE_THREAD) $(BIN)/python "$$script" || exit 1; done
