@@ -234,6 +234,35 @@ def export(
     typer.echo(f"wrote {export_plant(plant, to, output)}")
 
 
+@app.command("inspect", epilog="Example: flexplant inspect bus.op4 --units mm-kg-s")
+@_told
+def inspect_files(
+    files: Annotated[list[Path], typer.Argument(help="Component, model, plant or geometry files.")],
+    format: Format = None,  # noqa: A002
+    units: Units = None,
+) -> None:
+    """Show what is in files: DOF, boundary, modes, mass, recovery labels, first frequencies."""
+    from flexplant.io import inspect
+
+    typer.echo("\n\n".join(str(inspect(file, format=format, units=units)) for file in files))
+
+
+@app.command("convert", epilog="Example: flexplant convert bus.op4 bus.h5 --units mm-kg-s")
+@_told
+def convert_file(
+    source: Annotated[Path, typer.Argument(help="Component, model or plant file.")],
+    target: Annotated[Path, typer.Argument(help="File to write; its ending chooses the format.")],
+    format: Format = None,  # noqa: A002
+    units: Units = None,
+    dt: Annotated[float | None, typer.Option(help="Sample time in seconds, for C source.")] = None,
+) -> None:
+    """Put a component, model or plant into another format (docs/formats.md lists them)."""
+    from flexplant.io import convert
+
+    options = {} if dt is None else {"dt": dt}
+    typer.echo(f"wrote {convert(source, target, format=format, units=units, **options)}")
+
+
 @app.command(epilog="Example: flexplant new study.yaml")
 @_told
 def new(path: Annotated[Path, typer.Argument(help="Study file to write.")] = Path("study.yaml")) -> None:
