@@ -259,7 +259,7 @@ def convert_file(
     """Put a component, model or plant into another format (docs/formats.md lists them)."""
     from flexplant.io import convert
 
-    options = {} if dt is None else {"dt": dt}
+    options: dict[str, Any] = {} if dt is None else {"dt": dt}
     typer.echo(f"wrote {convert(source, target, format=format, units=units, **options)}")
 
 
