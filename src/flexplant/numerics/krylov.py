@@ -6,12 +6,14 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
+from scipy.linalg.blas import dgemm
 
 from flexplant.model.arrays import FloatArray
 from flexplant.numerics.rank import EPS
 
 DEPENDENT = 1e-11  # of a block's size before it was made orthogonal: what is left below that is round-off
 SHRUNK = 1e-3  # of that size: below it one more orthogonalisation is needed
+WELL_CONDITIONED = 1e-3  # smallest eigenvalue of a unit-diagonal Gram matrix above which one pass makes it orthonormal
 CHUNK = 8192  # rows rotated at a time in a restart, so that it needs no second basis
 
 
@@ -37,7 +39,8 @@ class Krylov:
         self.coupling = np.zeros((0, 0))
         self._images: FloatArray | None = None  # M V of the local columns
         start = self._random_block(block)
-        self._append(start, norms(start, mass @ start).max(initial=0.0))
+        image = mass @ start
+        self._append(start, image, norms(start, image).max(initial=0.0))
 
     @property
     def room(self) -> bool:
@@ -51,7 +54,7 @@ class Krylov:
     def _purged(self, block: FloatArray, image: FloatArray) -> tuple[FloatArray, FloatArray]:
         """The block without its part in the basis, and M times it."""
         columns = self.basis[:, : self.size]
-        block = block - columns @ (columns.T @ image)
+        block = minus(block, columns, columns.T @ image)
         return block, self.mass @ block
 
     def step(self) -> None:
@@ -63,17 +66,18 @@ class Krylov:
         scale = norms(block, image).max(initial=0.0)
         first = low if self._images is None else end - self._images.shape[1]
         share = self.basis[:, first:end].T @ image
-        block = block - self.basis[:, first:end] @ share
+        block = minus(block, self.basis[:, first:end], share)
         self.projection[first - low : end - low, last - low : end - low] = share
         self.projection[last - low : end - low, first - low : end - low] = share.T
+        image = self.mass @ block if self._images is None else image - (share.T @ self._images.T).T
         self.last = end
-        self.coupling = self._append(block, scale)
+        self.coupling = self._append(block, image, scale)
         newest = self._images[:, -(self.size - end) :] if self._images is not None and self.size > end else mine[:, :0]
         self._images = np.hstack([mine, newest])
 
-    def _append(self, block: FloatArray, scale: float) -> FloatArray:
+    def _append(self, block: FloatArray, image: FloatArray, scale: float) -> FloatArray:
         """Add Q of block = Q B, completed to the block's width; returns B, (width of Q, columns of block)."""
-        block, image = self._purged(block, self.mass @ block)
+        block, image = self._purged(block, image)
         q, image, b = factored(block, image, DEPENDENT * scale)
         if b.size and np.linalg.svd(b, compute_uv=False).min() < SHRUNK * scale:
             q, image, again = factored(*self._purged(q, image), 0.5)
@@ -124,6 +128,13 @@ class Krylov:
         self.last, self.size, self._images = low + keep, low + keep + wide, None
 
 
+def minus(block: FloatArray, columns: FloatArray, share: FloatArray) -> FloatArray:
+    """block - columns @ share in one pass over the columns, which must be Fortran-contiguous."""
+    if not share.size:
+        return block
+    return np.asarray(dgemm(-1.0, columns, share, beta=1.0, c=np.array(block, order="F"), overwrite_c=True))
+
+
 def norms(block: FloatArray, image: FloatArray) -> FloatArray:
     """Mass norms of columns, (k,), from the block and M times it."""
     return np.asarray(np.sqrt(np.maximum(np.einsum("ij,ij->j", block, image), 0.0)))
@@ -140,4 +151,6 @@ def factored(block: FloatArray, image: FloatArray, limit: float) -> tuple[FloatA
         keep = values > max(cut, EPS * gram.shape[0])
         root, vectors = np.sqrt(values[keep]), vectors[:, keep]
         q, image, b = q @ (vectors / root), image @ (vectors / root), root[:, None] * (vectors.T @ b)
+        if values.size and values[0] > WELL_CONDITIONED:
+            break
     return q, image, b
