@@ -180,6 +180,21 @@ def test_expansion_is_the_basis_in_memory_or_in_a_file(block, tmp_path):
     np.testing.assert_allclose(field.T @ (block.mass @ field), np.eye(2), atol=1e-9)
 
 
+@pytest.mark.parametrize("method", [guyan, lambda m, b, **options: rubin(m, b, n_modes=4, **options)])
+def test_every_method_expands_rigid_motion_exactly(block, method):
+    component = method(block, corners(block), keep_basis=True)
+    boundary = fp.rigid_body_vectors(block.nodes, component.boundary)
+    p = np.vstack([boundary, np.zeros((component.n_modal, 6))])
+    np.testing.assert_allclose(expand(component, p), fp.rigid_body_vectors(block.nodes, block.dofs), atol=1e-9)
+
+
+def test_a_memory_limit_bounds_the_basis_too():
+    plane = plate(20)
+    free = craig_bampton(plane, corners(plane, 2), n_modes=30)
+    tight = craig_bampton(plane, corners(plane, 2), n_modes=30, memory_limit=12e6)
+    np.testing.assert_allclose(tight.fixed_interface_hz, free.fixed_interface_hz, rtol=1e-9)
+
+
 def test_expansion_needs_what_was_kept(block):
     component = craig_bampton(block, corners(block), n_modes=2)
     with pytest.raises(InputError, match="keep_basis=True"):

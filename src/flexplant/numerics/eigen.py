@@ -12,7 +12,7 @@ import scipy.sparse as sp
 from flexplant.errors import SolverError
 from flexplant.model.arrays import FloatArray, dense
 from flexplant.numerics.factorization import Analysis, Factor, analyze, factorize, refuse_above
-from flexplant.numerics.lanczos import BLOCK, Progress, lanczos
+from flexplant.numerics.lanczos import BASIS_BYTES, BLOCK, Progress, lanczos
 from flexplant.numerics.rank import EPS, split_semidefinite
 
 INDEFINITE = 1e-8  # of a unit diagonal: more negative than any single-precision round-off of a vendor's matrix
@@ -140,6 +140,7 @@ def shift_invert(
     *,
     shift: float = 0.0,
     rigid: FloatArray | None = None,
+    memory_limit: float = BASIS_BYTES,
     progress: Progress | None = None,
 ) -> Eigenpairs:
     """The elastic modes `wanted`, from the factor of K - shift M; rigid (n, r) mass-orthonormal motions are deflated.
@@ -153,7 +154,8 @@ def shift_invert(
         ask = min(FIRST_GUESS, mass.shape[0])
     below, block = factor.negative_pivots or 0, BLOCK
     while True:
-        found = lanczos(factor.solve, mass, ask, shift=shift, below=below, locked=rigid, block=block, progress=progress)
+        options = {"block": block, "memory_limit": memory_limit, "progress": progress}
+        found = lanczos(factor.solve, mass, ask, shift=shift, below=below, locked=rigid, **options)
         inside = np.ones(found.omega2.size, dtype=bool) if limit is None else found.omega2 <= limit * (1 + 1e-9)
         missed = count is not None and ask == count and np.count_nonzero(inside) < count
         if missed and block == WIDE_BLOCK:

@@ -11,10 +11,11 @@ import scipy.linalg as la
 from flexplant.errors import InputError
 from flexplant.model.arrays import FloatArray
 from flexplant.numerics.eigen import Wanted, dense_eigenpairs, shift_invert
-from flexplant.numerics.lanczos import Progress
+from flexplant.numerics.lanczos import BASIS_BYTES, Progress
 from flexplant.reduction.partition import Partition, project, symmetric
 
 DENSE_LIMIT = 200  # interior DOF up to which a dense solution of all modes is the fastest
+BASIS_SHARE = 0.25  # of a given memory limit, for the Lanczos basis
 INDEPENDENT = 1e-9  # part of a Ritz vector that is new, below which it adds round-off only
 
 
@@ -158,7 +159,8 @@ def fixed_interface(
     if n <= DENSE_LIMIT or (n_modes or 0) > n // 3:
         return _all_dense(part, limit, n_modes, loads)
     count = None if limit is None else part.count_below(limit)
-    found = shift_invert(part.factor, part.mii, Wanted(n_modes, limit, count), progress=progress)
+    room = BASIS_BYTES if part.memory_limit is None else min(BASIS_BYTES, BASIS_SHARE * part.memory_limit)
+    found = shift_invert(part.factor, part.mii, Wanted(n_modes, limit, count), memory_limit=room, progress=progress)
     omega2 = _enough(part, found.omega2, limit, n_modes)
     every = limit is not None and (n_modes is None or omega2.size < n_modes or count == n_modes)
     complete = float(limit or 0.0) if every else float(omega2[-1])

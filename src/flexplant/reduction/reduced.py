@@ -103,7 +103,9 @@ def residual_energy(component: Component, coordinates: npt.ArrayLike, omega2: np
     """
     reduced = _checked(component, "estimate_error")
     if reduced.error_rows is None:
-        raise InputError(f"estimate_error: component {component.name!r} has no error rows; reduce with error_estimate=True")
+        raise InputError(
+            f"estimate_error: component {component.name!r} has no error rows; use craig_bampton with error_estimate=True"
+        )
     w2 = np.asarray(omega2, dtype=float)
     energy = np.sum((reduced.error_rows @ np.asarray(coordinates)) ** 2, axis=0) * w2**2
     return np.asarray(energy * amplification(w2, (2 * np.pi * reduced.report.complete_below_hz) ** 2))
