@@ -11,8 +11,10 @@ import xarray as xr
 from flexplant.blocks.tones import Tones
 from flexplant.blocks.wheel import Wheel, harmonic_amplitudes
 from flexplant.errors import InputError, nearest
-from flexplant.loop.frequency import Linear, frequency_response
+from flexplant.loop.cascade import cascade_of
+from flexplant.loop.frequency import ComplexArray, Linear, frequency_response
 from flexplant.loop.steady import input_amplitudes
+from flexplant.loop.tone_sweep import ToneSweep
 from flexplant.model.arrays import FloatArray
 
 
@@ -54,11 +56,13 @@ def wheel_speed_sweep(systems: Linear | Mapping[str, Linear], wheel: Wheel, omeg
 def _sweep(system: Linear, wheel: Wheel, speeds: FloatArray) -> xr.Dataset:
     harmonics, amplitudes = harmonic_amplitudes(wheel)
     columns = _columns(list(system.inputs), wheel)
-    hz, index = np.unique(np.outer(harmonics, speeds), return_inverse=True)
-    G = frequency_response(system, hz).values[:, columns]
-    # one FRF for all harmonics and speeds, contracted with the wheel one harmonic at a time to keep the memory small
-    where = index.reshape(harmonics.size, speeds.size)
-    Y = np.stack([np.einsum("oif,i->of", G[:, :, f], a) for f, a in zip(where, amplitudes.T, strict=True)], axis=1) * speeds**2
+    sweep = ToneSweep(cascade_of(system))
+    if sweep.pays:
+        whole = np.zeros((len(system.inputs), harmonics.size), dtype=complex)
+        np.add.at(whole, columns, amplitudes)
+        Y = np.stack([sweep(a, 2 * np.pi * (h * speeds)) for h, a in zip(harmonics, whole.T, strict=True)], axis=1) * speeds**2
+    else:
+        Y = _by_response(system, harmonics, amplitudes, columns, speeds)
     return xr.Dataset(
         {
             "rms": (("output", "omega_hz"), np.sqrt((abs(Y) ** 2).sum(axis=1) / 2)),
@@ -66,6 +70,17 @@ def _sweep(system: Linear, wheel: Wheel, speeds: FloatArray) -> xr.Dataset:
         },
         coords={"output": list(system.outputs), "omega_hz": speeds, "harmonic": harmonics},
     )
+
+
+def _by_response(
+    system: Linear, harmonics: FloatArray, amplitudes: ComplexArray, columns: list[int], speeds: FloatArray
+) -> ComplexArray:
+    """(nz, harmonics, speeds) from one frequency response, contracted one harmonic at a time to keep the memory small."""
+    hz, index = np.unique(np.outer(harmonics, speeds), return_inverse=True)
+    G = frequency_response(system, hz).values[:, columns]
+    where = index.reshape(harmonics.size, speeds.size)
+    parts = [np.einsum("oif,i->of", G[:, :, f], a) for f, a in zip(where, amplitudes.T, strict=True)]
+    return np.asarray(np.stack(parts, axis=1) * speeds**2)
 
 
 def _columns(inputs: list[str], wheel: Wheel) -> list[int]:

@@ -1,0 +1,60 @@
+"""A loop at many gains: the plant's response is evaluated once, each gain costs one small update a frequency."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+
+from flexplant.errors import InputError
+
+ComplexArray: TypeAlias = npt.NDArray[np.complex128]
+WELL_CONDITIONED = 1e6
+
+
+@dataclass(frozen=True, eq=False)
+class GainSweep:
+    """z = G_zw w + G_zu u, y = G_yw w + G_yu u, closed by u = gain * y:  T = G_zw + gain G_zu (I - gain G_yu)^-1 G_yw.
+
+    G_zw (nz, nw, nf), G_zu (nz, r, nf), G_yw (r, nw, nf), G_yu (r, r, nf): responses at the same frequencies, for example those
+    of a plant times a controller of gain one. Negative feedback: put the sign into G_yu and G_yw, or give a negative gain. The
+    eigenvalues of G_yu are found once a frequency, so that a gain needs no solution. Raises InputError for shapes that disagree.
+    """
+
+    G_zw: ComplexArray
+    G_zu: ComplexArray
+    G_yw: ComplexArray
+    G_yu: ComplexArray
+    _products: ComplexArray = field(init=False, repr=False)
+    _values: ComplexArray = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        for name in ("G_zw", "G_zu", "G_yw", "G_yu"):
+            object.__setattr__(self, name, np.asarray(getattr(self, name), dtype=np.complex128))
+        (nz, nw, nf), r = self.G_zw.shape, self.G_yu.shape[0]
+        wanted = {"G_zu": (nz, r, nf), "G_yw": (r, nw, nf), "G_yu": (r, r, nf)}
+        for name, shape in wanted.items():
+            if getattr(self, name).shape != shape:
+                raise InputError(f"gain sweep: {name} has shape {getattr(self, name).shape}, but {shape} is needed")
+        values, left, right = self.G_yu[0], self.G_zu, self.G_yw
+        if r > 1:
+            eigenvalues, vectors = np.linalg.eig(self.G_yu.transpose(2, 0, 1))
+            if np.linalg.cond(vectors).max(initial=1.0) > WELL_CONDITIONED:
+                raise InputError("gain sweep: G_yu cannot be diagonalised at some frequency; close these loops one by one")
+            left = (self.G_zu.transpose(2, 0, 1) @ vectors).transpose(1, 2, 0)
+            right = np.linalg.solve(vectors, self.G_yw.transpose(2, 0, 1)).transpose(1, 2, 0)
+            values = np.asarray(eigenvalues.T, dtype=np.complex128)
+        # residues of the loop channels: T = G_zw + sum_r products[r] / (1 / gain - values[r])
+        object.__setattr__(self, "_products", np.ascontiguousarray(np.einsum("zrf,rwf->rzwf", left, right)))
+        object.__setattr__(self, "_values", np.ascontiguousarray(values.reshape(r, nf)))
+
+    def __call__(self, gain: float, out: ComplexArray | None = None) -> ComplexArray:
+        """(nz, nw, nf) closed-loop response at one gain, written into `out` where it is given."""
+        out = np.empty_like(self.G_zw) if out is None else out
+        out[:] = self.G_zw
+        if gain:
+            for product, value in zip(self._products, self._values, strict=True):
+                out += product * (gain / (1 - gain * value))
+        return out

@@ -1,0 +1,60 @@
+"""Frequency grids that put points where the modes are, so that no resonance peak falls between two points."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from flexplant.errors import InputError
+from flexplant.model.arrays import FloatArray
+from flexplant.plant.modal import ModalPlant
+from flexplant.plant.state_space import StateSpace, state_space
+
+SHARPEST = 1e-9  # half bandwidth relative to the frequency, below which a mode counts as undamped and is only bracketed
+
+
+def adaptive_grid(
+    plant: ModalPlant | StateSpace,
+    low_hz: float,
+    high_hz: float,
+    *,
+    per_mode: int = 13,
+    per_decade: int = 60,
+) -> FloatArray:
+    """(nf,) ascending frequencies in Hz from low_hz to high_hz: a logarithmic grid, and points about every resonance.
+
+    About a pole p the points are f_r + (|Re p| / 2 pi) tan(theta), theta equally spaced in (-pi/2, pi/2), f_r the resonance
+    sqrt(|p|^2 - 2 Re(p)^2) / 2 pi: equal steps of phase, so the peak of a single mode is met at its top, and one that its
+    neighbours shift within about 1 - cos(pi / (2 per_mode + 2)) of it (0.6 % at the default 13; per_mode is made odd).
+    An undamped mode is bracketed, never hit.
+    Raises InputError for bounds that are not 0 < low < high, or fewer than 3 points a mode.
+    """
+    if not (np.isfinite([low_hz, high_hz]).all() and 0 < low_hz < high_hz):
+        raise InputError(f"adaptive_grid: low_hz = {low_hz!r}, high_hz = {high_hz!r}; give 0 < low < high")
+    if per_mode < 3 or per_decade < 1:
+        raise InputError(f"adaptive_grid: per_mode = {per_mode!r} (at least 3), per_decade = {per_decade!r} (at least 1)")
+    size, decay = _poles(plant)
+    resonance = np.sqrt(np.maximum(size**2 - 2 * decay**2, 0.0)) / (2 * np.pi)
+    width = np.maximum(decay / (2 * np.pi), SHARPEST * resonance)
+    theta = (np.arange(per_mode | 1) - (per_mode | 1) // 2) * (np.pi / ((per_mode | 1) + 1))
+    points = resonance[:, None] + width[:, None] * np.tan(theta)
+    undamped = decay <= SHARPEST * size
+    points[undamped, (per_mode | 1) // 2] = np.nan
+    count = max(2, int(np.ceil(per_decade * np.log10(high_hz / low_hz))) + 1)
+    base = np.geomspace(low_hz, high_hz, count)
+    every = np.r_[base, points[np.isfinite(points)].ravel()]
+    grid = np.unique(every[(every >= low_hz) & (every <= high_hz)])
+    at = resonance[undamped]
+    return grid[~np.isin(grid, at)] if at.size else grid
+
+
+def _poles(plant: ModalPlant | StateSpace) -> tuple[FloatArray, FloatArray]:
+    """|p| and |Re p| of each oscillating pole, rad/s."""
+    if isinstance(plant, ModalPlant) and plant.damping is None:
+        swinging = (plant.omega > 0) & (plant.zeta < 1)
+        return plant.omega[swinging], (plant.zeta * plant.omega)[swinging]
+    system = state_space(plant)
+    poles = np.linalg.eigvals(system.A) if system.n_states else np.zeros(0, dtype=complex)
+    if system.dt is not None:
+        poles = np.log(poles[poles != 0]) / system.dt
+    poles = poles[poles.imag > 1e-9 * abs(poles).max(initial=0.0)]
+    return abs(poles), abs(poles.real)
