@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -153,9 +154,11 @@ def shift_invert(
     if wanted.n_modes is None and count is None:
         ask = min(FIRST_GUESS, mass.shape[0])
     below, block = factor.negative_pivots or 0, BLOCK
+    search = partial(
+        lanczos, factor.solve, mass, shift=shift, below=below, locked=rigid, memory_limit=memory_limit, progress=progress
+    )
     while True:
-        options = {"block": block, "memory_limit": memory_limit, "progress": progress}
-        found = lanczos(factor.solve, mass, ask, shift=shift, below=below, locked=rigid, **options)
+        found = search(n_modes=ask, block=block)
         inside = np.ones(found.omega2.size, dtype=bool) if limit is None else found.omega2 <= limit * (1 + 1e-9)
         missed = count is not None and ask == count and np.count_nonzero(inside) < count
         if missed and block == WIDE_BLOCK:
