@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shutil
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ from nx_files import CENTER, FIXED_INTERFACE_HZ, INERTIA_DIAGONAL, MASS, PRODUCT
 
 from flexplant.errors import InputError, ReadError
 from flexplant.io import read_component
+from flexplant.io.parse.op2 import read_op2_matrices
 from flexplant.model.component import Component
 from flexplant.model.geometry import rigid_body_vectors
 
@@ -219,3 +221,27 @@ def test_boundary_comes_first_whatever_the_order_of_the_file(copied) -> None:
     assert after.boundary.pairs == BOUNDARY
     assert np.array_equal(after.stiffness, before.stiffness)
     assert np.array_equal(after.mass, before.mass)
+
+
+@pytest.mark.parametrize(("name", "number"), [("outboard", 101), ("inboard", 102)])
+def test_output2_tables_give_the_same_component(name: str, number: int) -> None:
+    """The NAS2CAM `.op2` and `.op4` of the same run: bit-equal matrices, DOF, positions and frames, without pyYeti."""
+    ours, theirs = read_component(TRUSS / "nas2cam.op2", superelement=number), read_component(TRUSS / f"{name}.op4")
+    assert ours.source["format"] == "nastran_op2"
+    assert ours.dofs.pairs == theirs.dofs.pairs
+    np.testing.assert_array_equal(ours.stiffness, theirs.stiffness)
+    np.testing.assert_array_equal(ours.mass, theirs.mass)
+    np.testing.assert_array_equal(ours.nodes.positions, theirs.nodes.positions)
+    np.testing.assert_allclose(ours.nodes.frames, theirs.nodes.frames, atol=1e-15)
+    with pytest.raises(ReadError, match=r"has the superelements 101, 102; pass superelement= \(got None\)"):
+        read_component(TRUSS / "nas2cam.op2")
+
+
+def test_output2_matrices(tmp_path: Path) -> None:
+    """KHH of the assembled run is diagonal: the squares of Nastran's circular frequencies; a sidecar makes it a component."""
+    matrix = read_op2_matrices(TRUSS / "assemble.op2")["KHH"]
+    hz = np.sqrt(np.diag(matrix)[6:]) / (2 * np.pi)
+    np.testing.assert_allclose(hz[[0, -1]], [1.6988002150369577, 4937.1522799384065], rtol=1e-7)
+    (tmp_path / "modes.yaml").write_text('matrices: {mass: KHH, stiffness: KHH}\nboundary: [[1, "123456"]]\n')
+    read = read_component(TRUSS / "assemble.op2", sidecar=tmp_path / "modes.yaml")
+    assert (read.n_modal, read.source["format"]) == (48, "nastran_op2")

@@ -26,6 +26,16 @@ def read_op4(path: str | Path) -> dict[str, Matrix]:
 
     Raises ReadError naming file, record and byte offset for anything that contradicts itself or the file's length.
     """
+    out: dict[str, Matrix] = {}
+    for name, matrix in read_op4_sequence(path):
+        if name in out:
+            raise ReadError(path, f"the matrix {name} is stored twice", record=name)
+        out[name] = matrix
+    return out
+
+
+def read_op4_sequence(path: str | Path) -> list[tuple[str, Matrix]]:
+    """The matrices of an OUTPUT4 file in order, names may repeat; see `read_op4`."""
     path = Path(path)
     data = read_bytes(path)
     if looks_binary(data[:64]):
@@ -34,12 +44,10 @@ def read_op4(path: str | Path) -> dict[str, Matrix]:
         parsed = ascii_matrices(data, path)
     else:
         raise ReadError(path, "is not an OUTPUT4 file: neither a binary nor an ASCII matrix header", record="1", offset=0)
-    budget, out = Budget(len(data)), {}
+    budget, out = Budget(len(data)), []
     for number, matrix in enumerate(parsed):
         matrix.name = matrix.name if matrix.name.isidentifier() else f"M{number}"
-        if matrix.name in out:
-            raise ReadError(path, f"the matrix {matrix.name} is stored twice", record=matrix.name)
-        out[matrix.name] = budget.array(matrix)
+        out.append((matrix.name, budget.array(matrix)))
     if not out:
         raise ReadError(path, "holds no matrix")
     return out
