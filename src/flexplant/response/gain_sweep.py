@@ -38,7 +38,8 @@ class GainSweep:
         for name, shape in wanted.items():
             if getattr(self, name).shape != shape:
                 raise InputError(f"gain sweep: {name} has shape {getattr(self, name).shape}, but {shape} is needed")
-        values, left, right = self.G_yu[0], self.G_zu, self.G_yw
+        values: ComplexArray = self.G_yu[0]
+        left, right = self.G_zu, self.G_yw
         if r > 1:
             eigenvalues, vectors = np.linalg.eig(self.G_yu.transpose(2, 0, 1))
             if np.linalg.cond(vectors).max(initial=1.0) > WELL_CONDITIONED:
