@@ -209,3 +209,21 @@ def test_requests_that_cannot_be_met():
         craig_bampton(model, boundary, n_modes=3, memory_limit=1e3)
     with pytest.raises(InputError, match="rubin"):
         rubin(model, boundary)
+
+
+def test_promises_are_kept_without_rslab(monkeypatch):
+    model = meshes.solid((6, 4, 4))
+    fast = craig_bampton(model, corners(model), accuracy=1e-5, max_frequency_hz=2500)
+    monkeypatch.setattr("flexplant.numerics.factorization.rslab_backend.available", lambda: False)
+    slow = craig_bampton(model, corners(model), accuracy=1e-5, max_frequency_hz=2500)
+    assert slow.report.verified == pytest.approx(fast.report.verified, rel=1e-3)
+    np.testing.assert_allclose(slow.fixed_interface_hz, fast.fixed_interface_hz, rtol=1e-6)
+
+
+def test_the_report_says_what_was_chosen():
+    model = meshes.solid((6, 4, 4))
+    text = str(craig_bampton(model, corners(model), accuracy=1e-5, max_frequency_hz=2500).report)
+    assert "modes below 3750 Hz (counted)" in text
+    assert "asked 1.0e-05" in text
+    assert "MB" in text
+    assert "Rubin" in str(rubin(model, corners(model), n_modes=3).report)

@@ -43,7 +43,7 @@ class ReductionReport:
         text = f"{self.method}: {self.n_modes} modes + {self.n_residual} residual vectors"
         text += f" in {self.blocks} blocks" if self.blocks else ""
         text += f"; all fixed-interface modes below {self.complete_below_hz:.6g} Hz" if self.complete_below_hz else ""
-        text += " (counted)" if self.proved else ""
+        text += (" (counted)" if self.proved else " (not counted)") if self.complete_below_hz else ""
         if self.verified is not None:
             asked = "" if self.accuracy is None else f", asked {self.accuracy:.1e}"
             text += f"; frequency error below {self.max_frequency_hz:g} Hz at most {self.verified:.1e}{asked}"
