@@ -182,3 +182,19 @@ def test_mutated_punch_files(tmp_path: Path, changes: list[tuple[int, int]], kee
     except ReadError:
         return
     assert component.n == 32
+
+
+def test_solids_show_their_skin_and_rbe3_its_spokes(tmp_path: Path) -> None:
+    """Two bricks side by side: 10 faces outside; a tetrahedron has 4; an RBE3 joins its reference grid with three others."""
+    grids = [(1 + i + 2 * j + 4 * k, i, j, k) for k in range(3) for j in range(2) for i in range(2)]
+    text = "".join(f"GRID,{n},,{float(x)},{float(y)},{float(z)}\n" for n, x, y, z in grids)
+    text += "CHEXA,1,1,1,2,4,3,5,6\n,8,7\nCHEXA,2,1,5,6,8,7,9,10\n,12,11\n"
+    deck = tmp_path / "bricks.bdf"
+    deck.write_text(text)
+    assert len(read_geometry(deck).quads) == 10
+    deck.write_text(text + "GRID,20,,9.,9.,9.\nCTETRA,3,1,1,2,3,20\nRBE3,9,,20,123,1.0,123,9,10\n,11\nPLOTEL,30,1,12\n")
+    mesh = read_geometry(deck)
+    assert len(mesh.quads) == 14
+    centre = mesh.nodes.tolist().index(20)
+    assert sorted(mesh.nodes[mesh.lines[mesh.lines[:, 0] == centre, 1]].tolist()) == [9, 10, 11]
+    assert len(mesh.lines) == 4

@@ -19,7 +19,7 @@ from flexplant.io.parse.files import one_line, read_bytes
 from flexplant.io.parse.op4_matrix import Budget, Op4Matrix
 from flexplant.model.arrays import Matrix
 
-TAPE = b"NASTRAN FORT TAPE ID CODE"
+TAPE = b"NASTRANFORTTAPEIDCODE"  # 64-bit files have blanks inside
 COLUMN = 1  # kind of a record that holds a matrix column
 
 
@@ -33,6 +33,10 @@ class Block:
     records: list[tuple[int, list[memoryview], int]] = field(default_factory=list)
 
 
+def _labelled(head: bytes) -> bool:
+    return TAPE in head[:128].replace(b" ", b"")
+
+
 def looks_like_op2(head: bytes) -> bool:
     """Whether a file begins as OUTPUT2 files do: with the tape label, or without it with the name and trailer of a block."""
     if head[:4] not in (b"\x04\0\0\0", b"\0\0\0\x04", b"\x08\0\0\0", b"\0\0\0\x08"):
@@ -40,7 +44,7 @@ def looks_like_op2(head: bytes) -> bool:
     order, word = ("<" if head[0] else ">"), max(head[0], head[3])
     code = "i" if word == 4 else "q"
     name, no_label = struct.pack(order + "i", 2 * word), struct.pack(order + code, 2)
-    return TAPE in head[:120] or (head[4 : 4 + word] == no_label and head[8 + word : 12 + word] == name)
+    return _labelled(head) or (head[4 : 4 + word] == no_label and head[8 + word : 12 + word] == name)
 
 
 @dataclass
@@ -106,7 +110,7 @@ class Op2:
 
     def blocks(self) -> Iterator[Block]:
         """The data blocks in order."""
-        if TAPE in bytes(self.data[:120]):
+        if _labelled(bytes(self.data[:128])):
             for _ in range(3):
                 self.sized(self.key())
             if (self.key(), self.key()) != (-1, 0):
