@@ -1,6 +1,6 @@
 """Reduce generated meshes to 60 modes + 60 constraint modes, against scipy's eigsh, one thread each.
 
-Run from the repository's root:  python benchmarks/bench_reduction.py [--large] [--rounds 2] [case ...]
+Run from the repository's root:  python benchmarks/bench_reduction.py [--large] [--quick] [--rounds 2] [case ...]
 
 Methods, alternating, each run in its own process so that its peak memory is its own:
   flexplant      craig_bampton(n_modes=60)
@@ -134,6 +134,7 @@ def main() -> None:
     parser.add_argument("cases", nargs="*", choices=[*CASES, []], default=[], metavar="case", help=", ".join(CASES))
     parser.add_argument("--large", action="store_true", help="300k and 1M DOF too: minutes and up to 10 GB")
     parser.add_argument("--rounds", type=int, default=1)
+    parser.add_argument("--quick", action="store_true", help="without scipy's own SuperLU, which takes most of the time")
     parser.add_argument("--case", help=argparse.SUPPRESS)
     parser.add_argument("--job", help=argparse.SUPPRESS)
     options = parser.parse_args()
@@ -142,7 +143,7 @@ def main() -> None:
         return
     cases = options.cases or [*DEFAULT, *(LARGE if options.large else ())]
     for case in cases:
-        slow = case in SUPERLU_TOO_SLOW
+        slow = options.quick or case in SUPERLU_TOO_SLOW
         table(case, options.rounds, ["flexplant"] if case in LARGE else ["flexplant", "eigsh+factor"] if slow else list(JOBS))
 
 

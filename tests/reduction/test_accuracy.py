@@ -22,8 +22,8 @@ def cofe():
 
 MODELS = {
     "solid": lambda: (m := meshes.solid((8, 4, 4)), corners(m), 4000.0),
-    "plate": lambda: (m := plate(), corners(m, 2), 300.0),
-    "shell with double modes": lambda: (meshes.shell(16, 8), [(1, "123456"), (9, "123456")], 60.0),
+    "plate": lambda: (m := plate(8), corners(m, 2), 300.0),
+    "shell with double modes": lambda: (meshes.shell(12, 6), [(1, "123456"), (7, "123456")], 60.0),
     "singular mass": lambda: (lumped_beam(), [(1, "26"), (41, "26")], 100.0),
     "rotor": lambda: (rotor(), [(n, "123") for n in (37, 38, 39, 40)], 300.0),
     "cofe": cofe,
