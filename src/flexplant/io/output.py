@@ -17,8 +17,9 @@ from flexplant.errors import InputError, ReadError, nearest
 from flexplant.io.formats import Writer
 from flexplant.io.parse.files import checked_file, read_head
 from flexplant.io.parse.h5 import SIGNATURE, read_h5
+from flexplant.io.parse.mat5 import read_mat
 from flexplant.io.parse.npz import looks_like_npz, read_npz
-from flexplant.io.parse.own_plant import Plant, unpack_plant
+from flexplant.io.parse.own_plant import Plant, unpack_matlab, unpack_plant
 from flexplant.io.write.atomic import replacing
 from flexplant.model.component import Component, FiniteElementModel
 
@@ -72,11 +73,13 @@ def write_results(results: Any, path: str | Path) -> Path:
 
 
 def read_plant(path: str | Path) -> Plant:
-    """A plant that `write_plant` wrote to `.npz` or `.h5`; ReadError for anything else."""
+    """A plant that `write_plant` wrote to `.npz` or `.h5`, or plain matrices of a `.mat` (`unpack_matlab`); else ReadError."""
     path = checked_file(path)
     head = read_head(path)
     if looks_like_npz(head):
         return unpack_plant(read_npz(path), path)
     if head.startswith(SIGNATURE):
         return unpack_plant(read_h5(path), path)
-    raise ReadError(path, "is not a plant in flexplant's .npz or .h5")
+    if head.startswith(b"MATLAB "):
+        return unpack_matlab(read_mat(path), path)
+    raise ReadError(path, "is not a plant in flexplant's .npz or .h5, or a .mat file")

@@ -57,6 +57,52 @@ def unpack_plant(arrays: Arrays, path: Path) -> Plant:
     return plant
 
 
+def unpack_matlab(arrays: Arrays, path: Path) -> Plant:
+    """A plant from plain MATLAB matrices: M, C, K, B, F, G, D (mechss) as Descriptor, A, B, C, D (E) as such.
+
+    dt of A, B, C, D: seconds, 0 or none for continuous time. Names of channels in cells are not read: "u1", ..., "y1", ...
+    Raises ReadError where the matrices of neither form are there, or do not fit together.
+    """
+    try:
+        if {"M", "K", "B"} <= set(arrays):
+            return _from_mechss(arrays)
+        if {"A", "B", "C"} <= set(arrays):
+            return _from_first_order(arrays)
+    except (ModelError, ValueError, TypeError, IndexError) as error:
+        raise ReadError(path, one_line(error)) from None
+    raise ReadError(path, f"is not a plant: it needs A, B, C, D or M, C, K, B, F, G, D; it has {', '.join(arrays) or 'nothing'}")
+
+
+def _channels(nu: int, ny: int) -> dict[str, Any]:
+    return {"inputs": [f"u{i + 1}" for i in range(nu)], "outputs": [f"y{i + 1}" for i in range(ny)]}
+
+
+def _from_mechss(arrays: Arrays) -> Descriptor:
+    """x = [q; q']: E = [[I, 0], [0, M]], A = [[0, I], [-K, -C]], B = [0; B], C = [F, G]."""
+    M, K, B = (sp.csr_array(arrays[k]) for k in "MKB")
+    n, nu = B.shape
+    damping = sp.csr_array(arrays["C"]) if "C" in arrays else sp.csr_array((n, n))
+    F = sp.csr_array(arrays["F"]) if "F" in arrays else sp.csr_array(np.eye(n))
+    G = sp.csr_array(arrays["G"]) if "G" in arrays and np.size(arrays["G"]) else sp.csr_array(F.shape)
+    D = arrays["D"] if "D" in arrays and np.size(arrays["D"]) else np.zeros((F.shape[0], nu))
+    E = sp.block_diag([sp.eye_array(n), M], format="csr")
+    A = sp.block_array([[None, sp.eye_array(n)], [-K, -damping]], format="csr")
+    stacked = sp.vstack([sp.csr_array((n, nu)), B])
+    return Descriptor(E, A, stacked, sp.hstack([F, G]), D, **_channels(nu, F.shape[0]))
+
+
+def _from_first_order(arrays: Arrays) -> Plant:
+    from flexplant.model.arrays import dense
+
+    A, B, C = (dense(arrays[k]) for k in "ABC")
+    D = dense(arrays["D"]) if "D" in arrays else np.zeros((C.shape[0], B.shape[1]))
+    channels = _channels(B.shape[1], C.shape[0])
+    if "E" in arrays:
+        return Descriptor(arrays["E"], A, B, C, D, **channels)
+    dt = float(np.ravel(arrays["dt"])[0]) if "dt" in arrays else 0.0
+    return StateSpace(A, B, C, D, dt=dt or None, **channels)
+
+
 def matlab_variables(plant: Plant) -> dict[str, Any]:
     """Variables for a `.mat` file: A, B, C, D (E), dt (0 for continuous time), names as cell columns; modal arrays."""
     from flexplant.plant.state_space import state_space

@@ -19,6 +19,7 @@ from flexplant.model.component import Component, FiniteElementModel
 from flexplant.model.recovery import Recovery
 
 Matrices = Mapping[str, Matrix]
+ALIASES = {"mass": "M", "stiffness": "K", "damping": "C"}  # MATLAB's mechss(M, C, K, B, F, G, D)
 
 
 def component_of(path: Path, matrices: Matrices, sidecar: Sidecar, name: str | None, format_name: str) -> Component:
@@ -77,13 +78,16 @@ def _named(path: Path, matrices: Matrices, name: str, sidecar: Sidecar, *keys: s
 
 
 def _square(path: Path, matrices: Matrices, sidecar: Sidecar) -> dict[str, Matrix]:
-    found = {kind: _named(path, matrices, name, sidecar, "matrices", kind) for kind, name in sidecar.matrices.items()}
+    names = dict(sidecar.matrices)
+    if "matrices" not in sidecar.yaml.data and "mass" not in matrices and "M" in matrices:
+        names = {kind: letter for kind, letter in ALIASES.items() if letter in matrices or kind != "damping"}
+    found = {kind: _named(path, matrices, name, sidecar, "matrices", kind) for kind, name in names.items()}
     n = found["mass"].shape[0]
     if all(is_sparse(m) for m in found.values()) and max(m.nnz for m in found.values()) < n // 2:
-        raise ReadError(path, f"claims {n} rows but holds numbers for fewer than half of them", record=sidecar.matrices["mass"])
+        raise ReadError(path, f"claims {n} rows but holds numbers for fewer than half of them", record=names["mass"])
     for kind, matrix in found.items():
         if matrix.shape != (n, n):
-            raise ReadError(path, f"{kind} has shape {matrix.shape}, mass {found['mass'].shape}", record=sidecar.matrices[kind])
+            raise ReadError(path, f"{kind} has shape {matrix.shape}, mass {found['mass'].shape}", record=names[kind])
     return found
 
 

@@ -92,7 +92,7 @@ def _counted_dofs(path: Path, n: int, nodes: Nodes | None, asked: int | None) ->
     each = asked or (n // count if count else None)
     if each is None:
         raise ReadError(path, "rows are only counted; pass geometry= (the .inp with the nodes) or dofs_per_node=")
-    if n % each or each > 6 or (count is not None and n != count * each):
+    if each == 0 or n % each or each > 6 or (count is not None and n != count * each):
         known = "" if count is None else f" of {count} nodes"
         raise ReadError(path, f"has {n} rows, which are not {each} DOF for each{known}")
     ids = np.arange(1, n // each + 1) if nodes is None else nodes.ids

@@ -1,0 +1,176 @@
+"""Mutated vendor files end in ReadError or in a model, never in anything else, quickly and without large memory.
+
+FLEXPLANT_FUZZ sets the number of mutations a reader (default 25); run this file as a script for a count of outcomes.
+"""
+
+from __future__ import annotations
+
+import collections
+import contextlib
+import os
+import shutil
+import sys
+import tempfile
+import time
+import tracemalloc
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+import scipy.io
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from nx_files import TRUSS
+from test_component_writers import component
+from test_matrix_formats import LAYOUTS, PAIRS, model
+from test_uff_reference import function, mode
+
+from flexplant.errors import ReadError
+from flexplant.io import read_component, read_model, read_reference, read_response_functions, write_component
+from flexplant.model.component import Component
+from flexplant.model.geometry import Nodes
+
+COUNT = int(os.environ.get("FLEXPLANT_FUZZ", "25"))
+SECONDS, MEGABYTES = 5.0, 100.0
+NASTY = [b"0", b"-1", b"999999999", b"99999999999999999999", b"1e308", b"-1e999", b"nan", b"inf", b"", b"x", b"\x00", b"*", b"$",
+         b",", b"!", b"\n", b"1.5-3", b"\xff\xfe"]  # fmt: skip
+
+LINES = [
+    "1 1 2.0\n",
+    "DMIG",
+    "GRID",
+    "!Dimension: 9\n",
+    "    -1\n",
+    "    55\n",
+    "%%MatrixMarket matrix coordinate real general\n",
+]
+
+
+def sierra_netcdf(folder: Path) -> Path:
+    path = folder / "r.nc4"
+    with scipy.io.netcdf_file(path, "w") as file:
+        for name, size in (("n", 12), ("two", 2), ("rows", 9)):
+            file.createDimension(name, size)
+        for key in ("Kr", "Mr"):
+            file.createVariable(key, "d", ("n", "n"))[:] = model().stiffness
+        file.createVariable("cbmap", "i", ("rows", "two"))[:] = PAIRS[:9]
+    return path
+
+
+def extptfm(folder: Path) -> Path:
+    one = Nodes(ids=[1], positions=np.zeros((1, 3)))
+    return write_component(
+        Component(name="j", mass=np.eye(7), stiffness=np.eye(7), boundary=[(1, "123456")], nodes=one), folder / "j.extptfm"
+    )
+
+
+def nas2cam(folder: Path) -> Path:
+    for ending in (".op2", ".op4"):
+        shutil.copyfile(TRUSS / f"nas2cam{ending}", folder / f"nas2cam{ending}")
+    return folder / "nas2cam.op2"
+
+
+def universal(folder: Path) -> Path:
+    (folder / "u.uff").write_text(mode(1.0, np.ones((2, 3))) + function(np.ones(4) + 0j))
+    return folder / "u.uff"
+
+
+def both_references(path: Path) -> object:
+    return read_reference(path, component="a"), read_response_functions(path)
+
+
+SAMPLES: dict[str, tuple[Callable[[Path], Path], Callable[[Path], object]]] = {
+    **{name: (lambda folder, make=make: make(folder, model()), read_model) for name, make in LAYOUTS.items()},
+    "nastran_dmig": (lambda folder: write_component(component(), folder / "p.pch"),
+                     lambda p: read_component(p, format="nastran_dmig")),
+    "nastran_op2": (nas2cam, lambda p: read_component(p, format="nastran_op2", superelement=101)),
+    "sierra_netcdf": (sierra_netcdf, lambda p: read_component(p, format="sierra_netcdf")),
+    "extptfm": (extptfm, lambda p: read_component(p, format="extptfm")),
+    "universal file": (universal, both_references),
+}  # fmt: skip
+
+
+def mutated(data: bytes, rng: np.random.Generator) -> bytes:
+    """One to three changes: a cut, flipped bytes, a token or line replaced, doubled or dropped."""
+    out = bytearray(data)
+    for _ in range(int(rng.integers(1, 4))):
+        if not out:
+            break
+        at = int(rng.integers(len(out)))
+        kind = int(rng.integers(6))
+        if kind == 0:
+            del out[at:]
+        elif kind == 1:
+            out[at] = int(rng.integers(256))
+        elif kind == 2:
+            out[at : at + int(rng.integers(1, 12))] = NASTY[int(rng.integers(len(NASTY)))]
+        elif kind == 3:
+            stop = min(len(out), at + int(rng.integers(1, 200)))
+            out[at:at] = out[at:stop]
+        elif kind == 4:
+            del out[at : at + int(rng.integers(1, 200))]
+        else:
+            out[at : at + 4] = int(rng.choice([0, -1, 2**31 - 1, -(2**31), 65536])).to_bytes(4, "little", signed=True)
+    return bytes(out)
+
+
+def outcome(name: str, folder: Path, seed: int) -> str:
+    """Mutate one of the sample's files and read it: "read" or "refused"; anything else is raised."""
+    make, read = SAMPLES[name]
+    path = make(folder)
+    files = sorted(p for p in folder.iterdir() if p.is_file())
+    rng = np.random.default_rng(seed)
+    victim = files[int(rng.integers(len(files)))]
+    victim.write_bytes(mutated(victim.read_bytes(), rng))
+    try:
+        read(path)
+    except ReadError as error:
+        return "refused" if str(folder) in str(error) else f"refused without the file: {error}"
+    return "read"
+
+
+@pytest.mark.parametrize("name", list(SAMPLES))
+def test_mutated_files_end_in_a_model_or_a_read_error(tmp_path: Path, name: str) -> None:
+    tracemalloc.start()
+    began = time.perf_counter()
+    for seed in range(COUNT):
+        folder = tmp_path / str(seed)
+        folder.mkdir()
+        assert outcome(name, folder, seed) in ("read", "refused")
+    peak = tracemalloc.get_traced_memory()[1] / 1e6
+    tracemalloc.stop()
+    assert time.perf_counter() - began < SECONDS * COUNT
+    assert peak < MEGABYTES
+
+
+@pytest.mark.parametrize("name", ["matrix_market", "calculix", "nastran_dmig", "sierra_text", "extptfm", "universal file"])
+@settings(max_examples=COUNT, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(data=st.data())
+def test_any_text_instead_of_a_file(tmp_path: Path, name: str, data: st.DataObject) -> None:
+    make, read = SAMPLES[name]
+    path = make(tmp_path)
+    words = st.sampled_from([w.decode("latin-1") for w in NASTY] + LINES)
+    path.write_bytes("".join(data.draw(st.lists(words, max_size=30))).encode("latin-1") or b" ")
+    with contextlib.suppress(ReadError):
+        read(path)
+
+
+def main() -> None:
+    """Print how many mutated files were read and how many were refused, by reader."""
+    total: collections.Counter[str] = collections.Counter()
+    for name in SAMPLES:
+        counts: collections.Counter[str] = collections.Counter()
+        slowest = 0.0
+        for seed in range(COUNT):
+            with tempfile.TemporaryDirectory() as folder:
+                began = time.perf_counter()
+                counts[outcome(name, Path(folder), seed)] += 1
+                slowest = max(slowest, time.perf_counter() - began)
+        total += counts
+        print(f"{name:20} {dict(counts)} slowest {slowest:.2f} s")
+    print("total", dict(total))
+
+
+if __name__ == "__main__":
+    sys.exit(main())

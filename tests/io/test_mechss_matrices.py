@@ -1,0 +1,59 @@
+"""MATLAB's second-order names M, C, K, B, F, G, D: as a plant, and as a model with a sidecar."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import scipy.io
+import scipy.sparse as sp
+
+from flexplant.errors import ReadError
+from flexplant.io import read_component, read_plant, write_plant
+from flexplant.plant.modal import ModalPlant
+from flexplant.plant.state_space import StateSpace, state_space
+from flexplant.response.frequency import frequency_response
+
+RNG = np.random.default_rng(8)
+PLANT = ModalPlant(
+    omega=[0.0, 2.0, 5.0], zeta=[0.0, 0.1, 0.02], shape_in=RNG.standard_normal((3, 2)), shape_out=RNG.standard_normal((1, 3)),
+    shape_out_velocity=RNG.standard_normal((1, 3)), feedthrough=RNG.standard_normal((1, 2)), inputs=["a", "b"], outputs=["y"],
+)  # fmt: skip
+HZ = [0.1, 0.4, 3.0]
+
+
+def test_second_order_and_first_order_matrices_are_the_same_plant(tmp_path: Path) -> None:
+    second = {"M": np.eye(3), "C": PLANT.damping_matrix, "K": sp.csc_matrix(np.diag(PLANT.omega**2)), "B": PLANT.shape_in}
+    second |= {"F": PLANT.shape_out, "G": PLANT.shape_out_velocity, "D": PLANT.direct}
+    scipy.io.savemat(tmp_path / "mech.mat", second)
+    expected = frequency_response(PLANT, HZ).values
+    for plant in (read_plant(tmp_path / "mech.mat"), read_plant(write_plant(PLANT, tmp_path / "first.mat"))):
+        assert tuple(plant.inputs) == ("u1", "u2")
+        np.testing.assert_allclose(frequency_response(plant, HZ).values, expected, rtol=1e-10)
+
+
+def test_discrete_plants_keep_their_step_and_bits(tmp_path: Path) -> None:
+    given = StateSpace(*(getattr(state_space(PLANT), k) for k in "ABCD"), inputs=["a", "b"], outputs=["y"], dt=0.25)
+    back = read_plant(write_plant(given, tmp_path / "z.mat"))
+    assert isinstance(back, StateSpace)
+    assert back.dt == 0.25
+    np.testing.assert_array_equal(back.A, given.A)
+
+
+def test_a_sidecar_needs_no_names_for_m_c_k(tmp_path: Path) -> None:
+    half = RNG.standard_normal((8, 8))
+    scipy.io.savemat(tmp_path / "part.mat", {"M": np.eye(8), "K": half + half.T, "C": np.eye(8) * 0.1})
+    (tmp_path / "part.yaml").write_text('boundary: [[1, "123456"]]\n')
+    component = read_component(tmp_path / "part.mat")
+    assert (component.n_modal, component.damping[0, 0]) == (2, 0.1)
+    np.testing.assert_array_equal(component.stiffness, half + half.T)
+
+
+def test_what_is_no_plant_says_what_it_has(tmp_path: Path) -> None:
+    scipy.io.savemat(tmp_path / "x.mat", {"Q": np.eye(2)})
+    with pytest.raises(ReadError, match=r"needs A, B, C, D or M, C, K, B, F, G, D; it has Q"):
+        read_plant(tmp_path / "x.mat")
+    scipy.io.savemat(tmp_path / "x.mat", {"M": np.eye(2), "K": np.eye(3), "B": np.ones((2, 1))})
+    with pytest.raises(ReadError):
+        read_plant(tmp_path / "x.mat")
