@@ -9,10 +9,9 @@ import scipy.linalg
 from flexplant.errors import InputError
 from flexplant.loop.cascade import Cascade
 from flexplant.model.arrays import FloatArray
-from flexplant.response.receptance import receptance
+from flexplant.response.receptance import ModalSum
 
 ComplexArray = npt.NDArray[np.complex128]
-BLOCK = 512
 SMALL = 40  # states of the rest that are cheap to solve for at every frequency
 WELL_CONDITIONED = 1e4  # eigenvectors of the rest up to which its poles and residues are used
 
@@ -62,14 +61,12 @@ class ToneSweep:
         parts = [p * f for p in (self._position, self._velocity) for f in (force.real, force.imag)]
         needed = [bool(part.any()) for part in parts]
         stacked = np.vstack([np.zeros((0, force.size)), *(p for p, use in zip(parts, needed, strict=True) if use)])
-        columns = np.hstack([stacked[:, flexible], stacked[:, ~flexible].sum(axis=1, keepdims=True)])
+        rigid = stacked[:, ~flexible].sum(axis=1)
         product = np.empty((stacked.shape[0], omega.size), dtype=complex)
-        for start in range(0, omega.size, BLOCK):
-            w = omega[start : start + BLOCK]
-            table = np.empty((columns.shape[1], 2 * w.size))
-            receptance(cascade.omega[flexible], cascade.zeta[flexible], w, table[:-1])
-            table[-1, ::2], table[-1, 1::2] = -1 / np.where(w == 0, np.inf, w) ** 2, 0.0
-            product[:, start : start + w.size] = (columns @ table).view(complex)
+        for at, values in ModalSum(stacked[:, flexible], cascade.omega[flexible], cascade.zeta[flexible]).blocks(omega):
+            product[:, at] = values
+        if rigid.any():
+            product += np.outer(rigid, -1 / np.where(omega == 0, np.inf, omega) ** 2)
         pieces = iter(np.split(product, sum(needed)) if any(needed) else [])
         none = np.zeros((self._position.shape[0], omega.size), dtype=complex)
         found: list[ComplexArray] = [next(pieces) if use else none for use in needed]

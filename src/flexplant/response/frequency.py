@@ -9,7 +9,7 @@ import numpy.typing as npt
 import xarray as xr
 
 from flexplant.errors import InputError
-from flexplant.model.arrays import FloatArray
+from flexplant.model.arrays import FloatArray, real_values
 from flexplant.plant.modal import ModalPlant
 from flexplant.plant.state_space import Descriptor, StateSpace
 from flexplant.response.first_order import descriptor_response, state_space_response
@@ -52,7 +52,7 @@ def frequency_response(plant: Plant, frequency_hz: npt.ArrayLike) -> xr.DataArra
 
 def checked_frequencies(frequency_hz: npt.ArrayLike) -> FloatArray:
     """(nf,) finite frequencies that are not negative, Hz; InputError otherwise."""
-    hz = np.atleast_1d(np.array(frequency_hz, dtype=float))
+    hz = np.atleast_1d(real_values(frequency_hz, "frequency_hz"))
     if hz.ndim != 1 or not hz.size:
         raise InputError(f"frequency_hz must be a non-empty list of frequencies, got shape {hz.shape}")
     bad = np.flatnonzero(~np.isfinite(hz) | (hz < 0))

@@ -38,15 +38,15 @@ class GainSweep:
         for name, shape in wanted.items():
             if getattr(self, name).shape != shape:
                 raise InputError(f"gain sweep: {name} has shape {getattr(self, name).shape}, but {shape} is needed")
-        values: ComplexArray = self.G_yu[0]
-        left, right = self.G_zu, self.G_yw
+        values, left, right = self.G_yu[0], self.G_zu, self.G_yw
         if r > 1:
             eigenvalues, vectors = np.linalg.eig(self.G_yu.transpose(2, 0, 1))
             if np.linalg.cond(vectors).max(initial=1.0) > WELL_CONDITIONED:
                 raise InputError("gain sweep: G_yu cannot be diagonalised at some frequency; close these loops one by one")
-            left = (self.G_zu.transpose(2, 0, 1) @ vectors).transpose(1, 2, 0)
-            right = np.linalg.solve(vectors, self.G_yw.transpose(2, 0, 1)).transpose(1, 2, 0)
-            values = np.asarray(eigenvalues.T, dtype=np.complex128)
+            left = np.asarray((self.G_zu.transpose(2, 0, 1) @ vectors).transpose(1, 2, 0), dtype=np.complex128)
+            solved = np.linalg.solve(vectors, self.G_yw.transpose(2, 0, 1))
+            right = np.asarray(solved.transpose(1, 2, 0), dtype=np.complex128)
+            values = np.array(eigenvalues.T, dtype=np.complex128)
         # residues of the loop channels: T = G_zw + sum_r products[r] / (1 / gain - values[r])
         object.__setattr__(self, "_products", np.ascontiguousarray(np.einsum("zrf,rwf->rzwf", left, right)))
         object.__setattr__(self, "_values", np.ascontiguousarray(values.reshape(r, nf)))

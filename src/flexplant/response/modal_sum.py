@@ -12,7 +12,7 @@ import scipy.linalg
 from flexplant.errors import InputError
 from flexplant.model.arrays import FloatArray
 from flexplant.plant.modal import ModalPlant
-from flexplant.response.receptance import receptance
+from flexplant.response.receptance import ModalSum
 
 ComplexArray: TypeAlias = npt.NDArray[np.complex128]
 BLOCK = 512  # frequencies whose modal transfer functions stay in cache
@@ -27,8 +27,9 @@ def modal_response(plant: ModalPlant, hz: FloatArray, out: ComplexArray | None =
     out = np.empty((ny, nu, hz.size), dtype=complex) if out is None else out
     if plant.n_modes and ny and nu and plant.damping is None:
         _refuse_poles(plant, omega)
-        for at, values in modal_blocks(plant, omega):
-            out[:, :, at] = values
+        if not _written_directly(plant, omega, out):
+            for at, values in modal_blocks(plant, omega):
+                out[:, :, at] = values
         return out
     out[:] = plant.direct[:, :, None]
     if plant.n_modes and ny and nu:
@@ -36,31 +37,46 @@ def modal_response(plant: ModalPlant, hz: FloatArray, out: ComplexArray | None =
     return out
 
 
+def _written_directly(plant: ModalPlant, omega: FloatArray, out: ComplexArray) -> bool:
+    """The usual plant, displacements of flexible modes, without buffers in between; False for any other."""
+    kinds = list(_kinds(plant))
+    if len(kinds) != 1 or kinds[0][1] or kinds[0][0].size != out.shape[0] or not plant.omega.all() or not out.flags.c_contiguous:
+        return False
+    total = ModalSum(_residues(plant, kinds[0][2], plant.omega > 0)[0], plant.omega, plant.zeta)
+    flat = out.reshape(-1, omega.size)
+    for start in range(0, omega.size, total.block):
+        at = slice(start, start + total.block)
+        total(omega[at], flat[:, at])
+    if plant.direct.any():
+        out += plant.direct[:, :, None]
+    return True
+
+
 def modal_blocks(plant: ModalPlant, omega: FloatArray) -> Iterator[tuple[slice, ComplexArray]]:
     """Blocks of frequencies (slice, (ny, nu, block)) of a plant with modal damping; the array is overwritten by the next block.
 
-    Residues c_i b_i^T times receptances, real times complex, as one real product a block; rigid-body modes are one more
-    column with the receptance -1 / w^2, direct terms one with 1.
+    Residues c_i b_i^T times receptances (see `ModalSum`); rigid-body modes have the receptance -1 / w^2.
     """
     nu = len(plant.inputs)
     flexible = plant.omega > 0
-    modal_omega, zeta = plant.omega[flexible], plant.zeta[flexible]
-    terms = [(rows, order, _residue_columns(plant, rows, shapes, flexible)) for rows, order, shapes in _kinds(plant)]
     _refuse_infinite(plant, omega)
-    size = min(BLOCK, omega.size)
-    table = np.empty((modal_omega.size + 1, 2 * size))
-    products = [np.empty((residues.shape[0], 2 * size)) for _, _, residues in terms]
-    for start in range(0, omega.size, BLOCK):
-        w = omega[start : start + BLOCK]
-        if w.size < size:  # the last block
-            table, products = np.empty((table.shape[0], 2 * w.size)), [np.empty((len(p), 2 * w.size)) for p in products]
-        receptance(modal_omega, zeta, w, table[:-1])
-        table[-1, ::2], table[-1, 1::2] = -1 / np.where(w == 0, np.inf, w) ** 2, 0.0
-        for (_, order, residues), product in zip(terms, products, strict=True):
-            np.matmul(residues, table, out=product)
-            _differentiate(product.view(complex), order, residues[:, -1], w)
-        shaped = [(rows, p.view(complex).reshape(rows.size, nu, -1)) for (rows, _, _), p in zip(terms, products, strict=True)]
-        yield slice(start, start + w.size), _combined(shaped, plant.direct, w.size)
+    sums, orders, rigid = [], [], []
+    for rows, order, shapes in _kinds(plant):
+        residues, free = _residues(plant, shapes, flexible)
+        sums.append(ModalSum(residues, plant.omega[flexible], plant.zeta[flexible]))
+        orders.append((rows, order))
+        rigid.append(free)
+    size = min((part.block for part in sums), default=omega.size)
+    for start in range(0, omega.size, size):
+        w = omega[start : start + size]
+        parts = []
+        for part, (rows, order), free in zip(sums, orders, rigid, strict=True):
+            product = part(w)
+            if free.any():
+                product += np.outer(free, -1 / np.where(w == 0, np.inf, w) ** 2)
+            _differentiate(product, order, free, w)
+            parts.append((rows, product.reshape(rows.size, nu, -1)))
+        yield slice(start, start + w.size), _combined(parts, plant.direct, w.size)
 
 
 def _differentiate(product: ComplexArray, order: int, rigid: FloatArray, w: FloatArray) -> None:
@@ -84,13 +100,11 @@ def _combined(parts: list[tuple[npt.NDArray[np.int64], ComplexArray]], direct: F
     return values
 
 
-def _residue_columns(
-    plant: ModalPlant, rows: npt.NDArray[np.int64], shapes: FloatArray, flexible: npt.NDArray[np.bool_]
-) -> FloatArray:
-    """(rows * nu, modes + 1): c_i b_i^T of each flexible mode, then the sum of those of the rigid-body modes."""
+def _residues(plant: ModalPlant, shapes: FloatArray, flexible: npt.NDArray[np.bool_]) -> tuple[FloatArray, FloatArray]:
+    """(rows * nu, modes) c_i b_i^T of each flexible mode, and (rows * nu,) the sum of those of the rigid-body modes."""
     product = shapes[:, None, flexible] * plant.shape_in[flexible].T[None, :, :]
     rigid = shapes[:, ~flexible] @ plant.shape_in[~flexible]
-    return np.ascontiguousarray(np.concatenate([product, rigid[:, :, None]], axis=2).reshape(rows.size * rigid.shape[1], -1))
+    return product.reshape(-1, product.shape[2]), rigid.ravel()
 
 
 def _refuse_infinite(plant: ModalPlant, omega: FloatArray) -> None:

@@ -10,7 +10,7 @@ import xarray as xr
 from scipy.optimize import minimize_scalar
 
 from flexplant.errors import InputError, nearest
-from flexplant.model.arrays import FloatArray
+from flexplant.model.arrays import FloatArray, is_number
 from flexplant.plant.modal import ModalPlant
 from flexplant.plant.state_space import Descriptor, StateSpace, state_space
 from flexplant.plant.truncation import largest_modes, peak_gains
@@ -62,6 +62,8 @@ def hinf_norm(plant: Plant, *, tolerance: float = 1e-7, unbounded: str = "infini
     """
     if unbounded not in ("infinite", "error"):
         raise InputError(f"unbounded={unbounded!r} is not a choice." + nearest(str(unbounded), ("infinite", "error")))
+    if not (is_number(tolerance) and 0 < tolerance < 1):
+        raise InputError(f"hinf_norm: tolerance is relative, between 0 and 1, got {tolerance!r}")
     found = _modal_norm(plant, tolerance) if isinstance(plant, ModalPlant) else _norm(_first_order(plant), tolerance)
     if unbounded == "error" and not np.isfinite(found.value):
         raise InputError(f"the norm of {plant.name!r} is infinite: {found.explanation}")
