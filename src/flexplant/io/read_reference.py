@@ -13,9 +13,9 @@ from typing import Any
 
 import numpy as np
 
-from flexplant.errors import ReadError
+from flexplant.errors import InputError, ReadError
 from flexplant.io.parse.files import one_line
-from flexplant.io.parse.number_text import read_lines
+from flexplant.io.parse.number_text import integers, read_lines
 from flexplant.model.arrays import FloatArray
 from flexplant.verification import Reference
 
@@ -77,11 +77,12 @@ def read_reference(path: str | Path, *, component: str | None = None) -> Referen
         raise ReadError(path, "has modes with different nodes; give one mode set a file")
     order = np.argsort([hz for hz, _, _ in modes], kind="stable")
     hz = np.array([modes[i][0] for i in order])
-    if component is None:
-        return Reference(hz, source=path.name)
     shapes = np.column_stack([modes[i][2] for i in order])
     named = [f"{component}.{node}.{direction}" for node, direction in labels]
-    return Reference(hz, shapes, named, source=path.name)
+    try:
+        return Reference(hz, source=path.name) if component is None else Reference(hz, shapes, named, source=path.name)
+    except InputError as error:
+        raise ReadError(path, one_line(error)) from None
 
 
 def read_response_functions(path: str | Path) -> list[ResponseFunction]:
@@ -127,7 +128,8 @@ def _mode(path: Path, section: Section) -> tuple[float, list[tuple[int, int]], F
         )
     rows = table.reshape(-1, width + 1)
     values = rows[:, 1:] if width == each else rows[:, 1::2]
-    labels = [(int(node), d) for node in rows[:, 0] if abs(node) < 2**31 for d in range(1, each + 1)]
+    nodes = integers(path, rows[:, 0], "node")
+    labels = [(node, d) for node in nodes.tolist() for d in range(1, each + 1)]
     return frequency, labels, values.ravel()
 
 
