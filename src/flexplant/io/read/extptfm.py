@@ -79,7 +79,7 @@ def _needed(path: Path, matrix: FloatArray | None, what: str) -> FloatArray:
 FORMAT = Format(
     name="extptfm",
     description="OpenFAST ExtPtfm superelement text (FlexASCII)",
-    suffixes=(".fst", ".extptfm"),
+    suffixes=(".extptfm",),
     sniff=sniff,
     tested_against="the reading rules of OpenFAST 2.3",
     readers={"read_component": read_component},

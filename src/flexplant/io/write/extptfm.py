@@ -40,7 +40,7 @@ def _rows(matrix: FloatArray) -> list[str]:
 WRITER = Writer(
     name="extptfm",
     description="OpenFAST ExtPtfm superelement text",
-    suffixes=(".fst", ".extptfm"),
+    suffixes=(".extptfm",),
     tested_against="the reading rules of OpenFAST 2.3",
     writers={"write_component": write_component},
 )
