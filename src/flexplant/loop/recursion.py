@@ -38,6 +38,7 @@ class Recursion:
         self.one: Stepper = stepper(cascade, dt, hold)
         self.lifted: Lifted = lifted(cascade, self.one, dt, every)
         transposed = (self.lifted.long.A.T, self.lifted.long.from_modes.T)
+        self._driven = self._starts = np.zeros((0, self.state.size))
         self._long = (self.lifted.long.modes, *(np.ascontiguousarray(part) for part in transposed))
 
     @property
@@ -53,11 +54,15 @@ class Recursion:
         nb = -(-nt // block)
         padded = np.zeros((nb * block + 1, nw))
         padded[: nt + 1] = w
-        rows = np.lib.stride_tricks.sliding_window_view(padded.ravel(), (block + 1) * nw)[:: block * nw]
-        starts = np.empty((nb, self.state.size))
+        rows = np.ascontiguousarray(np.lib.stride_tricks.sliding_window_view(padded.ravel(), (block + 1) * nw)[:: block * nw])
+        if len(self._driven) != nb:
+            self._driven, self._starts = np.empty((2, nb, self.state.size))
+        driven, starts = self._driven, self._starts
         x, whole = self.state.copy(), nt // block
-        block_starts(*self._long, rows @ self.lifted.received, x, starts)
-        values = starts @ self.lifted.seen + rows @ self.lifted.direct
+        np.matmul(rows, self.lifted.received, out=driven)
+        block_starts(*self._long, driven, x, starts)
+        values = starts @ self.lifted.seen
+        values += rows @ self.lifted.direct
         self.state = x if whole == nb else self._stepped_singly(starts[whole], w[whole * block :])
         first = slice(None, None, max(1, every // block))
         return np.asarray(values[first].reshape(-1, self.cascade.D.shape[0])[: -(-nt // every)])

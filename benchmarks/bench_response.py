@@ -1,0 +1,321 @@
+"""Speed and accuracy of frequency responses, time simulation and sweeps beside named peers, alternating in one run.
+
+Run from the repository's root, one thread:
+
+    OPENBLAS_NUM_THREADS=1 NUMBA_NUM_THREADS=1 python benchmarks/bench_response.py [--rounds N] [--quick]
+
+Times are processor seconds of this one-threaded process. Every round measures ours, then the peer; the table gives the median ratio and its smallest and largest value over the rounds.
+Peers that would take minutes do a part of the work, and their time is scaled up (`part` in the table).
+"""
+
+from __future__ import annotations
+
+import argparse
+import datetime
+import platform
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from importlib.metadata import version
+from typing import Any
+
+import control
+import numpy as np
+from pyyeti import ode
+from threadpoolctl import threadpool_limits
+
+from flexplant.blocks.wheel import Wheel, harmonic_amplitudes
+from flexplant.loop.close import close
+from flexplant.loop.harmonic import wheel_speed_sweep
+from flexplant.loop.line_of_sight import LineOfSight, line_of_sight_diagram
+from flexplant.loop.simulate import simulate
+from flexplant.plant.discretize import discretize
+from flexplant.plant.modal import ModalPlant
+from flexplant.plant.state_space import state_space
+from flexplant.response.frequency import frequency_response
+from flexplant.response.gain_sweep import GainSweep
+
+MODES, FREQUENCIES, DT = 200, 10_000, 1e-4
+HZ = np.linspace(0.5, 1200.0, FREQUENCIES)
+OMEGA = 2 * np.pi * HZ
+
+
+@dataclass(frozen=True)
+class Row:
+    """One line of the table; part: the share of the work that the peer does before its time is scaled up."""
+
+    work: str
+    peer: str
+    target: float
+    ours: Callable[[], Any]
+    theirs: Callable[[], Any] | None
+    error: Callable[[], float] | None = None
+    part: float = 1.0
+    units: float = 1.0
+    unit: str = "ms"
+    fixed: Callable[[], Any] | None = None
+
+
+def plant(ny: int = 6, nu: int = 6, *, n: int = MODES, full: bool = False, seed: int = 0) -> ModalPlant:
+    """Modes from 1 to 1000 Hz at 0.5 % damping, or fully coupled damping."""
+    rng = np.random.default_rng(seed)
+    omega = 2 * np.pi * np.sort(rng.uniform(1, 1000, n))
+    damping = None
+    if full:
+        mixing = rng.normal(size=(n, n)) / np.sqrt(n)
+        size = np.sqrt(2 * 0.005 * omega)
+        damping = np.outer(size, size) * (np.eye(n) + 0.5 * mixing @ mixing.T)
+    return ModalPlant(
+        omega=omega,
+        zeta=0.005,
+        damping=damping,
+        shape_in=rng.normal(size=(n, nu)),
+        shape_out=rng.normal(size=(ny, n)),
+        inputs=[f"u{k}" for k in range(nu)],
+        outputs=[f"y{k}" for k in range(ny)],
+    )
+
+
+def numpy_sum(p: ModalPlant, omega: np.ndarray) -> np.ndarray:
+    """The modal sum as one writes it in numpy."""
+    receptance = 1 / (p.omega[:, None] ** 2 - omega**2 + 2j * p.zeta[:, None] * p.omega[:, None] * omega)
+    residues = (p.shape_out[:, None, :] * p.shape_in.T[None]).reshape(-1, p.n_modes)
+    return (residues @ receptance).reshape(len(p.outputs), len(p.inputs), -1)
+
+
+def numpy_solve(p: ModalPlant, omega: np.ndarray) -> np.ndarray:
+    """One dense solution a frequency."""
+    out = np.empty((len(p.outputs), len(p.inputs), omega.size), dtype=complex)
+    for k, w in enumerate(omega):
+        dynamic = np.diag(p.omega**2 - w**2) + 1j * w * p.damping_matrix
+        out[:, :, k] = p.shape_out @ np.linalg.solve(dynamic, p.shape_in)
+    return out
+
+
+def relative(a: np.ndarray, b: np.ndarray) -> float:
+    """Largest error over a channel relative to that channel's largest value, worst channel."""
+    return float((abs(a - b).max(axis=-1) / abs(b).max(axis=-1)).max())
+
+
+def frequency_rows() -> list[Row]:
+    """Lines 1 to 5 of the table."""
+    p, wide, full = plant(), plant(24, 50), plant(n=260, full=True)
+    s = state_space(p)
+    system = control.ss(s.A, s.B, s.C, s.D)
+    unit = ode.SolveUnc(np.ones(MODES), 2 * p.zeta * p.omega, p.omega**2)
+    loads = [np.outer(p.shape_in[:, k], np.ones(FREQUENCIES)) for k in range(6)]
+    rng = np.random.default_rng(1)
+    right = rng.normal(size=(MODES, 2 * FREQUENCIES))
+    narrow_left, wide_left = rng.normal(size=(36, MODES)), rng.normal(size=(1200, MODES))
+    some = OMEGA[:: FREQUENCIES // 100]
+
+    def pyyeti_fsolve() -> list[np.ndarray]:
+        return [p.shape_out @ unit.fsolve(load, HZ, incrb="d").d for load in loads]
+
+    def ours() -> np.ndarray:
+        return frequency_response(p, HZ).values
+
+    def ours_wide() -> np.ndarray:
+        return frequency_response(wide, HZ).values
+
+    def ours_full() -> np.ndarray:
+        return frequency_response(full, HZ).values
+
+    def solved() -> float:
+        q = plant()
+        return relative(frequency_response(q, some / (2 * np.pi)).values, numpy_solve(q, some))
+
+    return [
+        Row(
+            "frequency response, 200 modes, 6x6, 10,000 points",
+            "python-control + slycot",
+            400,
+            ours,
+            lambda: control.frequency_response(system, OMEGA[:1100]),
+            solved,
+            part=0.1,
+            fixed=lambda: control.frequency_response(system, OMEGA[:100]),
+        ),
+        Row("same", "pyYeti SolveUnc.fsolve", 40, ours, pyyeti_fsolve),
+        Row("same", "numpy modal sum", 6, ours, lambda: numpy_sum(p, OMEGA)),
+        Row("same", "bare GEMM", 1 / 2.5, ours, lambda: narrow_left @ right),
+        Row("same, 24x50", "numpy modal sum", 3, ours_wide, lambda: numpy_sum(wide, OMEGA)),
+        Row("same, 24x50", "bare GEMM", 1 / 2.5, ours_wide, lambda: wide_left @ right),
+        Row(
+            "full damping, 260 modes, 6x6, 10,000 points",
+            "numpy solve loop",
+            40,
+            ours_full,
+            lambda: numpy_solve(full, some),
+            lambda: relative(frequency_response(full, some / (2 * np.pi)).values, numpy_solve(full, some)),
+            part=0.01,
+        ),
+    ]
+
+
+def time_rows() -> list[Row]:
+    """Open and closed loop in time; ours does 100,000 steps, the peers a part of them."""
+    p = plant()
+    s = state_space(p)
+    los = LineOfSight(focal_length=1.5, gain=1800.0, mirror_omega=100.0, mirror_zeta=0.3)
+    loop = line_of_sight_diagram(los, p, plant_outputs=["y0", "y1"], signals=("spot", "angle", "tilt"))
+    system = control.ss(s.A, s.B, s.C, s.D)
+    nt = 100_000
+    t, u = np.arange(nt) * DT, np.random.default_rng(2).normal(size=(6, nt))
+    short, some = 3_000, 10_000
+    unit = ode.SolveUnc(np.ones(MODES), 2 * p.zeta * p.omega, p.omega**2, DT)
+
+    def opened() -> Any:
+        return simulate(p, t, u)
+
+    def error() -> float:
+        steps = discretize(s, DT, hold="zero")
+        x, y = np.zeros(s.n_states), np.empty((6, short))
+        for k in range(short):
+            y[:, k] = s.C @ x
+            x = steps.A @ x + steps.B @ u[:, k]
+        return relative(simulate(p, t[:short], u[:, :short], hold="zero").outputs.values, y)
+
+    rows = [
+        Row(
+            "time, 200 modes, 6 in, 6 out, open loop",
+            "control.forced_response",
+            80,
+            opened,
+            lambda: control.forced_response(system, t[:short], u[:, :short]),
+            error,
+            part=short / nt,
+        ),
+        Row(
+            "same",
+            "pyYeti SolveUnc.tsolve",
+            30,
+            opened,
+            lambda: p.shape_out @ unit.tsolve(p.shape_in @ u[:, :some]).d,
+            part=some / nt,
+        ),
+    ]
+    closed = Row(
+        "same, closed loop with a 4-state mirror", "ours without the loop", 1 / 1.5, lambda: simulate(loop, t, u), opened
+    )
+    rate = Row("steps per second, closed loop (millions)", "-", 4.0, closed.ours, None, units=1e-6 * nt, unit="M/s")
+    return [*rows, closed, rate]
+
+
+def sweep_rows() -> list[Row]:
+    """Wheel speeds and gains."""
+    p = plant()
+    s = state_space(p)
+    los = LineOfSight(focal_length=1.5, gain=1800.0, mirror_omega=100.0, mirror_zeta=0.3)
+    loop = line_of_sight_diagram(los, p, plant_outputs=["y0", "y1"])
+    system = control.ss(s.A, s.B, s.C[:2], s.D[:2])
+    wheel = Wheel(
+        amplitude=5e-6,
+        harmonics=np.linspace(1, 5.6, 8),
+        phase_rad=np.radians([0, 90, 0, 0, 90, 0]),
+        inputs=[f"u{k}" for k in range(6)],
+    )
+    speeds = np.linspace(1, 100, 1000)
+    points = 2 * np.pi * np.outer(np.linspace(1, 5.6, 8), speeds).ravel()
+    G = frequency_response(p, np.linspace(0.5, 1200, 8000)).values
+    loops, out = GainSweep(G[:1, :1], G[:1, 1:2], G[1:2, :1], G[1:2, 1:2]), np.empty((1, 1, 8000), dtype=complex)
+    gains = np.linspace(-5, 5, 100)
+
+    def error() -> float:
+        whole, few = close(loop), speeds[::100]
+        found = wheel_speed_sweep(loop, wheel, few).amplitude.values
+        harmonics, amplitudes = harmonic_amplitudes(wheel)
+        dense = np.empty_like(found)
+        for j, speed in enumerate(few):
+            for h, a in enumerate(amplitudes.T):
+                x = np.linalg.solve(2j * np.pi * harmonics[h] * speed * np.eye(whole.n_states) - whole.A, whole.B @ a)
+                dense[:, h, j] = (whole.C @ x + whole.D @ a) * speed**2
+        return relative(found.reshape(2, -1), dense.reshape(2, -1))
+
+    return [
+        Row(
+            "1,000 wheel speeds x 8 harmonics, closed loop",
+            "python-control, plant alone",
+            5000,
+            lambda: wheel_speed_sweep(loop, wheel, speeds),
+            lambda: control.frequency_response(system, points[:500]),
+            error,
+            part=500 / 8000,
+        ),
+        Row(
+            "gains x 8,000 frequencies, cached plant (us a gain)",
+            "-",
+            300.0,
+            lambda: [loops(k, out) for k in gains],
+            None,
+            units=1e6 / gains.size,
+            unit="us",
+        ),
+    ]
+
+
+def seconds(call: Callable[[], Any]) -> float:
+    """Processor time of one call in this process: its wall time where nothing else runs, and fair to both sides elsewhere."""
+    start = time.process_time()
+    call()
+    return time.process_time() - start
+
+
+def measured(row: Row, rounds: int) -> str:
+    """The row's line of the table."""
+    row.ours()
+    ours, ratios = [], []
+    for _ in range(rounds):
+        ours.append(seconds(row.ours))
+        if row.theirs is not None:
+            one_time = 0.0 if row.fixed is None else seconds(row.fixed)
+            ratios.append((seconds(row.theirs) - one_time) / row.part / ours[-1])
+    accuracy = "" if row.error is None else f"{row.error():.0e}"
+    if row.theirs is not None:
+        low, middle, high = min(ratios), float(np.median(ratios)), max(ratios)
+        verdict = "met" if middle >= row.target else "missed"
+        cells = [
+            f"{1e3 * np.median(ours):.4g} ms",
+            f"{middle:.3g} ({low:.3g} to {high:.3g})",
+            f"{row.target:.3g}",
+            verdict,
+            accuracy,
+        ]
+    else:
+        values = [row.units / s if row.unit == "M/s" else row.units * s for s in ours]
+        good = max(values) >= row.target if row.unit == "M/s" else min(values) <= row.target
+        spread = f"{min(values):.3g} to {max(values):.3g} {row.unit}"
+        cells = [f"{np.median(values):.3g} {row.unit}", spread, f"{row.target:.3g}", "met" if good else "missed", accuracy]
+    return f"| {row.work} | {row.peer} | " + " | ".join(cells) + " |"
+
+
+def started(code: str) -> float:
+    """Seconds of a statement in a fresh interpreter, after numpy, scipy and xarray are imported."""
+    script = f"import time; t = time.perf_counter(); {code}; print(time.perf_counter() - t)"
+    return float(subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True).stdout)
+
+
+def main() -> None:
+    """Print the table."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--rounds", type=int, default=3)
+    rounds = parser.parse_args().rounds
+    packages = ("numpy", "scipy", "numba", "control", "slycot", "pyyeti")
+    print(
+        f"{datetime.date.today()}, Python {platform.python_version()}, {', '.join(f'{k} {version(k)}' for k in packages)}; one thread\n"
+    )
+    print("| work | peer | ours (median) | peer / ours: median (spread) | at least | | error |")
+    print("|---|---|---|---|---|---|---|")
+    with threadpool_limits(1):
+        for row in (*frequency_rows(), *time_rows(), *sweep_rows()):
+            print(measured(row, rounds), flush=True)
+    imports = min(started("import flexplant") for _ in range(3))
+    first = "from flexplant.response.receptance import receptance as r; import numpy as n"
+    kernels = min(started(f"{first}; r(*[n.ones(1)] * 3, *[n.ones((1, 1))] * 2)") for _ in range(2))
+    print(f"\nimport flexplant: {imports:.3f} s. First compiled kernel, numba's import included: {kernels:.2f} s.")
+
+
+if __name__ == "__main__":
+    main()
