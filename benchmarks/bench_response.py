@@ -2,9 +2,10 @@
 
 Run from the repository's root, one thread:
 
-    OPENBLAS_NUM_THREADS=1 NUMBA_NUM_THREADS=1 python benchmarks/bench_response.py [--rounds N] [--quick]
+    OPENBLAS_NUM_THREADS=1 NUMBA_NUM_THREADS=1 python benchmarks/bench_response.py [--rounds N]
 
-Times are processor seconds of this one-threaded process. Every round measures ours, then the peer; the table gives the median ratio and its smallest and largest value over the rounds.
+Times are processor seconds of this one-threaded process. Every round measures ours, then the peer;
+the table gives the median ratio and its smallest and largest value over the rounds.
 Peers that would take minutes do a part of the work, and their time is scaled up (`part` in the table).
 """
 
@@ -303,9 +304,8 @@ def main() -> None:
     parser.add_argument("--rounds", type=int, default=3)
     rounds = parser.parse_args().rounds
     packages = ("numpy", "scipy", "numba", "control", "slycot", "pyyeti")
-    print(
-        f"{datetime.date.today()}, Python {platform.python_version()}, {', '.join(f'{k} {version(k)}' for k in packages)}; one thread\n"
-    )
+    versions = ", ".join(f"{k} {version(k)}" for k in packages)
+    print(f"{datetime.date.today()}, Python {platform.python_version()}, {versions}; one thread\n")
     print("| work | peer | ours (median) | peer / ours: median (spread) | at least | | error |")
     print("|---|---|---|---|---|---|---|")
     with threadpool_limits(1):
