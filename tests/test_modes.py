@@ -248,3 +248,9 @@ def test_effective_mass_names_the_sizes_that_disagree():
     assert isinstance(modes, Modes)
     with pytest.raises(InputError, match="rows"):
         effective_mass(modes, rod(6), np.ones((5, 1)))
+
+
+@pytest.mark.parametrize("bad", [{"n_modes": "3"}, {"n_modes": np.nan}, {"max_frequency_hz": "50"}, {"max_frequency_hz": [50]}])
+def test_requests_that_are_no_numbers(bad):
+    with pytest.raises(InputError, match=f"{next(iter(bad))} must be"):
+        normal_modes(chain(), **bad)

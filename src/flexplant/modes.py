@@ -11,9 +11,9 @@ import numpy.typing as npt
 import scipy.linalg as la
 import scipy.sparse as sp
 
-from flexplant.assembly import System, component_rigid_body, stiffness_scale
+from flexplant.assembly import System, component_rigid_body, coupled_stiffness_scale, stiffness_scale
 from flexplant.errors import InputError
-from flexplant.model.arrays import FloatArray, dense, frozen, is_sparse
+from flexplant.model.arrays import FloatArray, dense, frozen, is_number, is_sparse
 from flexplant.model.component import Component, FiniteElementModel
 from flexplant.model.geometry import rigid_body_vectors
 from flexplant.numerics.eigen import Eigenpairs, dense_eigenpairs, sparse_eigenpairs
@@ -31,7 +31,8 @@ class Modes:
     """Normal modes, ascending, mass-normalised: Phi^T M Phi = I, Phi^T K Phi = diag((2 pi f)^2).
 
     frequency_hz: (k,), exactly 0 for the `n_rigid` leading rigid-body modes and mechanisms. shapes: (n, k) in the object's
-    coordinates (a System's uncoupled coordinates p). residuals: (k,) |K phi - w^2 M phi| / |diag(K) phi|, of the reduced problem.
+    coordinates (a System's uncoupled coordinates p). residuals: (k,) |K phi - w^2 M phi| / |d phi| of the reduced problem,
+    d its stiffness scale: the diagonal of K, or of the inertia where that is mere round-off.
     """
 
     frequency_hz: FloatArray
@@ -98,9 +99,9 @@ def normal_modes(model: Modal, *, max_frequency_hz: float | None = None, n_modes
 
 
 def _check_request(max_frequency_hz: float | None, n_modes: int | None) -> None:
-    if max_frequency_hz is not None and not max_frequency_hz > 0:
+    if max_frequency_hz is not None and not (is_number(max_frequency_hz) and max_frequency_hz > 0):
         raise InputError(f"max_frequency_hz must be positive, got {max_frequency_hz}")
-    if n_modes is not None and (n_modes < 1 or n_modes != int(n_modes)):
+    if n_modes is not None and (not is_number(n_modes) or n_modes < 1 or n_modes % 1 != 0):
         raise InputError(f"n_modes must be a positive whole number, got {n_modes}")
 
 
@@ -112,7 +113,8 @@ def _selected(problem: _Problem, found: Eigenpairs, max_frequency_hz: float | No
     keep = slice(0, n_modes) if max_frequency_hz is None else np.flatnonzero(hz <= max_frequency_hz)[:n_modes]
     vectors, omega2 = found.vectors[:, keep], found.omega2[keep]
     force = problem.stiffness @ vectors
-    scale = np.linalg.norm(problem.stiffness.diagonal()[:, None] * vectors, axis=0)
+    own = np.maximum(abs(problem.stiffness.diagonal()), problem.diagonal)
+    scale = np.linalg.norm(own[:, None] * vectors, axis=0)
     residuals = np.linalg.norm(force - (problem.mass @ vectors) * omega2, axis=0) / np.where(scale > 0, scale, 1.0)
     shapes = vectors if problem.basis is None else problem.basis @ vectors
     return Modes(hz[keep], shapes, residuals, int(np.count_nonzero(hz[keep][: found.zero] == 0)), problem.labels)
@@ -143,7 +145,7 @@ def _(model: System) -> _Problem:
     stiffness = sp.csr_array(model.basis.T @ model.uncoupled_stiffness @ model.basis)
     mass = sp.csr_array(model.basis.T @ model.uncoupled_mass @ model.basis)
     free, sprung = (m[model.kept] for m in _free_motions(model)) if model.has_geometry else (None, None)
-    scale = (model.basis**2).T @ np.concatenate([stiffness_scale(c) for c in model.components])
+    scale = coupled_stiffness_scale(model)
     return _Problem(stiffness, mass, model.basis, free, model.labels, scale, sprung)
 
 
@@ -184,7 +186,7 @@ def _rigid_motions(problem: _Problem) -> FloatArray:
     geometric = _geometric_motions(problem)
     if problem.stiffness.shape[0] > DENSE_LIMIT:
         return _refined(problem, geometric) if problem.candidates is not None else _lowest_energy(problem.stiffness, problem.mass)
-    null = split_semidefinite(dense(problem.stiffness)).null
+    null = split_semidefinite(dense(problem.stiffness), scale=problem.scale).null
     null = la.orth(null) if null.shape[1] else null
     known = geometric if problem.sprung is None else la.orth(np.hstack([geometric, problem.sprung]))
     rest = null - known @ (known.T @ null)

@@ -38,6 +38,14 @@ BAD_CONNECTIONS = {
     "name with a dot": ({"name": "a.b"}, "connection name 'a.b'"),
     "tolerance negative": ({"tolerance": -1.0}, "tolerance -1.0"),
     "tolerance NaN": ({"tolerance": np.nan}, "tolerance nan"),
+    "tolerance a text": ({"tolerance": "1 mm"}, "tolerance 1 mm must be a length"),
+    "tolerance complex": ({"tolerance": 1j}, "must be a length"),
+    "no nodes by position": ({"pairs": "by position", "nodes": []}, r"nodes must be a list of node ids of 'left'.*got \[\]"),
+    "one node by position": ({"pairs": "by position", "nodes": 4}, "nodes must be a list of node ids"),
+    "nodes a text": ({"pairs": "by position", "nodes": "4"}, "nodes must be a list of node ids"),
+    "nodes with a fraction": ({"pairs": "by position", "nodes": [4.9]}, "nodes must be a list of node ids"),
+    "a component instead of its name": ({"a": LEFT}, "a and b are names of components, got Component"),
+    "no component": ({"a": None}, "a and b are names of components, got NoneType"),
 }
 
 
@@ -128,3 +136,28 @@ def test_inputs_stay_unchanged():
     for c, (mass, stiffness) in zip(PARTS, before, strict=True):
         np.testing.assert_array_equal(c.mass, mass)
         np.testing.assert_array_equal(c.stiffness, stiffness)
+
+
+@pytest.mark.parametrize("bad", [None, "left-right", [("left", "right", [(4, 4)])], {"joint": joint()}])
+def test_connections_must_be_connections(bad):
+    with pytest.raises(CouplingError, match="connections must be a list of Connection") as error:
+        couple(PARTS, bad)
+    assert "\n" not in str(error.value)
+
+
+def test_components_may_come_from_a_generator():
+    assert couple((part for part in PARTS), [joint()]).n == couple(PARTS, [joint()]).n
+    with pytest.raises(CouplingError, match="couple takes a list of Components, got NoneType"):
+        couple(None)
+
+
+@pytest.mark.parametrize("bad", [Placement(), [Placement()]])
+def test_placements_are_a_mapping(bad):
+    with pytest.raises(CouplingError, match=r"placements must be \{component name: Placement\}"):
+        couple(PARTS, [joint()], placements=bad)
+
+
+def test_a_bad_pair_of_an_array_stays_on_one_line():
+    with pytest.raises(CouplingError, match="is not a pair of node ids") as error:
+        couple(PARTS, [joint(pairs=np.array([[[4, 1], [4, 1]]]))])
+    assert "\n" not in str(error.value)

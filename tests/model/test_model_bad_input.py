@@ -41,6 +41,9 @@ BAD_COMPONENTS = {
     "text": ({"mass": [["a", "b"], ["c", "d"]]}, "not a real numeric matrix"),
     "ragged": ({"mass": [[1.0], [1.0, 2.0]]}, "not a real numeric matrix"),
     "none": ({"mass": None}, "mass matrix"),
+    "no stiffness": ({"stiffness": None}, r"'bus': stiffness matrix has shape \(\)"),
+    "node beyond 64 bits": ({"boundary": [(10**30, 1)]}, "pairs such as"),
+    "recovery none": ({"recovery": None}, "recovery must be a mapping by name or a list of Recovery, got NoneType"),
     "too many DOF": ({"boundary": [(1, "123")]}, r"3 boundary DOF but matrices of shape \(2, 2\)"),
     "DOF twice": ({"boundary": [(1, 1), (1, 1)]}, "listed twice: 1-1"),
     "direction 7": ({"boundary": [(1, 7)]}, "directions 7"),
@@ -205,3 +208,15 @@ def test_ratios_take_a_value_a_list_or_a_table():
     np.testing.assert_array_equal(damping_ratios(0.02, hz), 0.02)
     np.testing.assert_array_equal(damping_ratios([0.1, 0.2, 0.3], hz), [0.1, 0.2, 0.3])
     np.testing.assert_allclose(damping_ratios([(50.0, 0.02), (5.0, 0.01)], hz), [0.01, 0.01 + 0.01 * 5 / 45, 0.02])
+
+
+@pytest.mark.parametrize("kind", ["mass", "stiffness"])
+def test_a_model_without_a_matrix_is_refused(kind):
+    fields = {"name": "m", "mass": np.eye(2), "stiffness": K2, "dofs": [(1, 1), (1, 2)]}
+    with pytest.raises(ModelError, match=rf"model 'm': {kind} matrix has shape \(\)"):
+        FiniteElementModel(**{**fields, kind: None})
+
+
+def test_recovery_without_labels_is_refused():
+    with pytest.raises(ModelError, match="labels must be a list of names, got NoneType"):
+        Recovery("d", None, displacement=np.ones((1, 2)))

@@ -262,3 +262,38 @@ def test_a_component_without_nodes_or_with_an_empty_boundary_is_checked_as_far_a
     assert report.passed
     assert report.notes
     assert verify(couple([lone]), rigid_body_modes=0).passed
+
+
+@pytest.mark.parametrize("positions", [True, False])
+@pytest.mark.parametrize("node", [1, 4, 6])
+def test_a_component_held_at_one_node_is_sound(node, positions):
+    """Its boundary stiffness is the round-off of the condensation, of any sign: no mode, no energy, no indefiniteness."""
+    part = craig_bampton(chain(), [(node, "123456")], n_modes=20)
+    part = part if positions else replace(part, nodes=None)
+    modes = normal_modes(part)
+    assert (modes.frequency_hz[:6] == 0).all()
+    assert modes.frequency_hz[6] > 1
+    assert modes.residuals.max() < 1e-9
+    report = verify(couple([part]))
+    assert report.passed, str(report)
+    assert check_component(part).passed
+
+
+def test_a_negative_stiffness_behind_one_node_is_still_found():
+    part = craig_bampton(chain(), [(4, "123456")], n_modes=20)
+    stiffness = part.stiffness.toarray() if hasattr(part.stiffness, "toarray") else part.stiffness.copy()
+    stiffness[0, 0] = -1e-4 * stiffness[6, 6] * part.mass[0, 0]
+    report = check_component(replace(part, stiffness=stiffness))
+    assert any("stiffness positive semi-definite" in c.name and not c.passed for c in report.checks)
+
+
+def test_verify_names_what_it_was_given():
+    part, _ = chain_halves()
+    with pytest.raises(InputError, match="verify takes a coupled System, got Component"):
+        verify(part)
+    for bad in (None, "6", 5.5):
+        with pytest.raises(InputError, match="rigid_body_modes must be 0 or more, a whole number"):
+            verify(couple([part]), rigid_body_modes=bad)
+    for bad in ("f.txt", {"a": 1}):
+        with pytest.raises(InputError, match="reference frequencies: real numbers"):
+            verify(couple([part]), reference=bad)

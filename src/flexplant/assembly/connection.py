@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any, TypeGuard
 
@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from flexplant.errors import CouplingError
-from flexplant.model.arrays import FloatArray, frozen
+from flexplant.model.arrays import FloatArray, frozen, is_number
 from flexplant.model.component import check_name
 from flexplant.model.dofs import expand_directions
 from flexplant.model.geometry import check_rotation
@@ -59,6 +59,9 @@ class Connection:
     def __post_init__(self) -> None:
         if self.b is None:
             object.__setattr__(self, "b", GROUND)
+        for side in (self.a, self.b):
+            if not isinstance(side, str):
+                raise CouplingError(f"connection: a and b are names of components, got {type(side).__name__}")
         object.__setattr__(self, "name", check_name(self.name or f"{self.a}-{self.b}", "connection"))
         self._check_directions()
         if self.a == GROUND:
@@ -73,8 +76,9 @@ class Connection:
             raise CouplingError(f"connection {self.name!r}: no pairs; give node pairs or 'by position'")
         if self.offset not in OFFSETS:
             raise CouplingError(f"connection {self.name!r}: offset {self.offset!r} is not one of {OFFSETS}")
-        if self.tolerance is not None and not (np.isfinite(self.tolerance) and self.tolerance >= 0):
+        if self.tolerance is not None and not (is_number(self.tolerance) and 0 <= self.tolerance < np.inf):
             raise CouplingError(f"connection {self.name!r}: tolerance {self.tolerance} must be a length >= 0")
+        self._check_nodes()
         self._check_frame()
         n = len(self.pairs) if self.by_coordinate else len(expand_directions(self.directions))
         for kind in ("stiffness", "damping"):
@@ -91,6 +95,17 @@ class Connection:
                 f"connection {self.name!r}: directions {self.directions!r}: nodes couple in 1-6; couple scalar coordinates as "
                 "pairs ((node, 0), (node, 0))"
             )
+
+    def _check_nodes(self) -> None:
+        if self.nodes is None:
+            return
+        listed = isinstance(self.nodes, Iterable) and not isinstance(self.nodes, str)
+        nodes = tuple(self.nodes) if listed else ()
+        if not nodes or not all(map(is_whole, nodes)):
+            raise CouplingError(
+                f"connection {self.name!r}: nodes must be a list of node ids of {self.a!r} such as [101, 102], got {self.nodes!r}"
+            )
+        object.__setattr__(self, "nodes", nodes)
 
     def _check_frame(self) -> None:
         if not isinstance(self.frame, str):

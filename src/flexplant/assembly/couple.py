@@ -42,6 +42,8 @@ def couple(
         raise CouplingError(f"method {method!r}: use 'dual' or 'primal'")
     parts = _named(components)
     by_name = {c.name: c for c in parts}
+    if placements is not None and not isinstance(placements, Mapping):
+        raise CouplingError(f"placements must be {{component name: Placement}}, got {type(placements).__name__}")
     placements = dict(placements or {})
     for name in placements:
         if name not in by_name:
@@ -83,6 +85,9 @@ def _named(components: Sequence[Component] | Mapping[str, Component]) -> tuple[C
         components = [components]
     if isinstance(components, Mapping):
         components = [_copy(c, name) for name, c in components.items()]
+    if not isinstance(components, Iterable):
+        raise CouplingError(f"couple takes a list of Components, got {type(components).__name__}")
+    components = tuple(components)
     for item in components:
         if not isinstance(item, Component):
             raise CouplingError(f"couple takes Components, got {type(item).__name__}; reduce a model first, with craig_bampton")
@@ -96,7 +101,7 @@ def _named(components: Sequence[Component] | Mapping[str, Component]) -> tuple[C
         )
     if GROUND in names:
         raise CouplingError("a component must not be called 'ground': that name clamps nodes")
-    return tuple(components)
+    return components
 
 
 def _copy(component: Component, name: str) -> Component:
@@ -114,7 +119,12 @@ def _distinct(connections: Iterable[Connection]) -> list[Connection]:
     """Connections with distinct names; an unnamed second one between the same components gets a number."""
     taken: dict[str, int] = {}
     out = []
-    for connection in [connections] if isinstance(connections, Connection) else connections:
+    given = [connections] if isinstance(connections, Connection) else connections
+    if not isinstance(given, Iterable) or isinstance(given, Mapping):
+        raise CouplingError(f"connections must be a list of Connection, got {type(given).__name__}")
+    for connection in given:
+        if not isinstance(connection, Connection):
+            raise CouplingError(f"connections must be a list of Connection, got {type(connection).__name__} {connection!r}")
         base = str(connection.name)
         taken[base] = taken.get(base, 0) + 1
         out.append(connection if taken[base] == 1 else replace(connection, name=f"{base}-{taken[base]}"))

@@ -59,7 +59,8 @@ def _node_pair(connection: Connection, pair: object) -> Pair:
         )
     if isinstance(pair, (tuple, list, np.ndarray)) and len(pair) == 2 and all(map(is_whole, pair)):
         return int(pair[0]), int(pair[1])
-    raise CouplingError(f"connection {connection.name!r}: {pair!r} is not a pair of node ids such as (101, 201)")
+    shown = pair.tolist() if isinstance(pair, np.ndarray) else pair
+    raise CouplingError(f"connection {connection.name!r}: {shown!r} is not a pair of node ids such as (101, 201)")
 
 
 def _positions(component: Component, placement: Placement, owner: str, only: object = None) -> tuple[list[int], FloatArray]:

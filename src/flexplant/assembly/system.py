@@ -171,6 +171,11 @@ def stiffness_scale(component: Component) -> FloatArray:
     return np.asarray(abs(component.stiffness.diagonal()) + 10 * typical * abs(component.mass.diagonal()))
 
 
+def coupled_stiffness_scale(system: System) -> FloatArray:
+    """(r,) `stiffness_scale` of the components, in the eliminated coordinates of `basis`."""
+    return np.asarray((system.basis**2).T @ np.concatenate([stiffness_scale(c) for c in system.components]))
+
+
 def system_rigid_body(system: System, about: npt.ArrayLike = (0, 0, 0)) -> FloatArray:
     """(n, 6) rigid-body vectors of the system as placed, in uncoupled coordinates."""
     parts = [component_rigid_body(c, system.placement(c.name), about) for c in system.components]

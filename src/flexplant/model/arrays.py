@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, TypeAlias
+from typing import Any, TypeAlias, TypeGuard
 
 import numpy as np
 import numpy.typing as npt
@@ -30,6 +30,22 @@ def frozen(array: npt.ArrayLike, dtype: npt.DTypeLike = np.float64, *, what: str
         raise ModelError(f"{what}: not real numbers of one shape, or not whole where ids are needed ({error})") from None
     out.setflags(write=False)
     return out
+
+
+def is_number(value: object) -> TypeGuard[float]:
+    """True for one real number, Python's or numpy's, or an array of no dimensions."""
+    return isinstance(value, (int, float, np.integer, np.floating)) or (isinstance(value, np.ndarray) and value.shape == ())
+
+
+def real_values(values: Any, what: str) -> FloatArray:
+    """`values` as floats, of any shape; ModelError for text, ragged lists, and complex numbers, which a cast would halve."""
+    try:
+        given = np.asarray(values)
+        if given.dtype.kind in "cSU":
+            raise ValueError(f"of type {given.dtype}")
+        return given.astype(np.float64, copy=False)
+    except (TypeError, ValueError) as error:
+        raise ModelError(f"{what}: real numbers of one shape are needed ({error})") from None
 
 
 def is_sparse(matrix: Any) -> bool:

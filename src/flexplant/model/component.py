@@ -55,7 +55,7 @@ class FiniteElementModel:
         dofs = DofSet.of(self.dofs)
         object.__setattr__(self, "dofs", dofs)
         for kind in ("mass", "stiffness", "damping"):
-            if (matrix := getattr(self, kind)) is not None:
+            if (matrix := getattr(self, kind)) is not None or kind != "damping":
                 object.__setattr__(self, kind, checked_symmetric(matrix, len(dofs), f"model {self.name!r}: {kind} matrix"))
         _check_nodes(f"model {self.name!r}", self.nodes, dofs)
 
@@ -93,7 +93,7 @@ class Component:
         if len(boundary) > n:
             raise ModelError(f"{owner}: {len(boundary)} boundary DOF but matrices of shape {mass.shape}")
         for kind in ("stiffness", "damping"):
-            if (matrix := getattr(self, kind)) is not None:
+            if (matrix := getattr(self, kind)) is not None or kind != "damping":
                 object.__setattr__(self, kind, checked_symmetric(matrix, n, f"{owner}: {kind} matrix"))
         _check_nodes(owner, self.nodes, boundary)
         self._set_recovery(owner, n)
@@ -108,6 +108,8 @@ class Component:
 
     def _set_recovery(self, owner: str, n: int) -> None:
         given: Any = self.recovery
+        if not isinstance(given, (Mapping, Sequence)) or isinstance(given, str):
+            raise ModelError(f"{owner}: recovery must be a mapping by name or a list of Recovery, got {type(given).__name__}")
         items: list[Recovery] = list(given.values() if isinstance(given, Mapping) else given)
         for r in items:
             if not isinstance(r, Recovery):

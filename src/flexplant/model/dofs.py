@@ -54,11 +54,11 @@ class DofSet:
             return pairs
         try:
             rows = [(operator.index(node), d) for node, direction in pairs for d in expand_directions(direction)]
-        except (TypeError, ValueError) as error:
+            return cls(np.array([r[0] for r in rows], dtype=np.int64), np.array([r[1] for r in rows], dtype=np.int64))
+        except (TypeError, ValueError, OverflowError) as error:
             if isinstance(error, ModelError):
                 raise
             raise ModelError(f"DOF must be (node, direction) pairs such as (101, 1) or (101, '123456'): {error}") from None
-        return cls(np.array([r[0] for r in rows], dtype=np.int64), np.array([r[1] for r in rows], dtype=np.int64))
 
     @cached_property
     def pairs(self) -> list[tuple[int, int]]:

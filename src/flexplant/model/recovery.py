@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 from flexplant.errors import ModelError, nearest
@@ -25,6 +25,8 @@ class Recovery:
     units: str = ""
 
     def __post_init__(self) -> None:
+        if not isinstance(self.labels, Iterable):
+            raise ModelError(f"recovery {self.name!r}: labels must be a list of names, got {type(self.labels).__name__}")
         labels = tuple(str(label) for label in self.labels)
         if len(set(labels)) != len(labels):
             twice = sorted({label for label in labels if labels.count(label) > 1})

@@ -10,6 +10,7 @@ import scipy.linalg as la
 from flexplant.model.arrays import FloatArray
 
 NEGATIVE = -1e-8  # of a unit diagonal: below this an eigenvalue is negative, not the rounding of a single-precision file
+CANCELLED = 1e-11  # of its scale: a diagonal that is the round-off of a condensation (1e-13 to 1e-12 is seen)
 EPS = float(np.finfo(float).eps)
 
 
@@ -32,14 +33,25 @@ def jacobi_scale(matrix: FloatArray) -> FloatArray:
     return np.divide(1.0, size, out=np.zeros_like(size), where=~tiny)
 
 
-def split_semidefinite(matrix: FloatArray, *, tolerance: float | None = None) -> Split:
+def lowest_eigenvalue(matrix: FloatArray, scale: FloatArray) -> float:
+    """Smallest eigenvalue (0 at most) of D A D, D = 1 / sqrt(max(|diagonal|, scale)): small next to `scale` is round-off."""
+    size = np.sqrt(np.maximum(abs(np.diagonal(matrix)), scale))
+    d = np.divide(1.0, size, out=np.zeros_like(size), where=size > 0)
+    return float(la.eigvalsh(d[:, None] * matrix * d[None, :]).min(initial=0.0)) if size.size else 0.0
+
+
+def split_semidefinite(matrix: FloatArray, *, tolerance: float | None = None, scale: FloatArray | None = None) -> Split:
     """Split R^n into range and null space of a symmetric positive semi-definite (n, n) matrix.
 
     Eigenvalues of D A D (unit diagonal) at or below `tolerance` (default 10 n eps) count as zero, clearly negative ones do
-    not; coordinates whose row vanishes are null exactly. Basis vectors come back in the original coordinates.
+    not; coordinates whose row vanishes are null exactly, and with `scale` (n,) those whose diagonal is round-off beside it:
+    the boundary stiffness of one node is what is left of cancelling the whole interior's. Basis vectors come back in the
+    original coordinates.
     """
     n = matrix.shape[0]
     d = jacobi_scale(matrix)
+    if scale is not None:
+        d[abs(np.diagonal(matrix)) <= CANCELLED * scale] = 0.0
     live = np.flatnonzero(d)
     dead = np.flatnonzero(d == 0)
     values, vectors = (

@@ -12,7 +12,7 @@ import scipy.sparse as sp
 
 from flexplant.assembly import System
 from flexplant.errors import InputError, nearest
-from flexplant.model.arrays import FloatArray, dense, frozen
+from flexplant.model.arrays import FloatArray, dense, frozen, real_values
 from flexplant.modes import Modes
 from flexplant.verification.checks import Table
 
@@ -49,7 +49,7 @@ def as_reference(reference: Any) -> Reference:
         return reference
     if isinstance(reference, Modes):
         return Reference(reference.frequency_hz)
-    return Reference(np.asarray(reference, dtype=float))
+    return Reference(real_values(reference, "reference frequencies"))
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,12 +7,13 @@ from typing import Any
 
 import numpy as np
 
-from flexplant.assembly import System, system_rigid_body
+from flexplant.assembly import System, coupled_stiffness_scale, stiffness_scale, system_rigid_body
+from flexplant.assembly.connection import is_whole
 from flexplant.errors import InputError
-from flexplant.model.arrays import dense
+from flexplant.model.arrays import FloatArray, dense
 from flexplant.model.component import Component
 from flexplant.modes import Modes, normal_modes
-from flexplant.numerics.rank import split_semidefinite
+from flexplant.numerics.rank import lowest_eigenvalue, split_semidefinite
 from flexplant.verification.checks import Check, CheckReport, Table
 from flexplant.verification.comparison import compare_modes
 from flexplant.verification.free_free import ENERGY_LIMIT, free_free
@@ -38,8 +39,10 @@ def verify(
     within `frequency_tolerance` (relative) and `mac_minimum`. modes: spare a second solution where they are known.
     Raises InputError for a negative count; a failed check is a value, see `CheckReport.raise_if_failed`.
     """
-    if rigid_body_modes < 0:
-        raise InputError(f"rigid_body_modes must be 0 or more, got {rigid_body_modes}")
+    if not isinstance(system, System):
+        raise InputError(f"verify takes a coupled System, got {type(system).__name__}; couple it first, or use check_component")
+    if not is_whole(rigid_body_modes) or rigid_body_modes < 0:
+        raise InputError(f"rigid_body_modes must be 0 or more, a whole number, got {rigid_body_modes!r}")
     modes = modes or normal_modes(system, n_modes=None if system.n <= DENSE_CHECK else rigid_body_modes + 20)
     checks: list[Check] = [_count(system, modes, rigid_body_modes), *_matrices(system)]
     tables: list[Table] = []
@@ -63,7 +66,7 @@ def verify(
 
 def check_component(component: Component) -> CheckReport:
     """The checks that one component allows by itself: energy, definiteness, mass properties, fixed-interface modes."""
-    checks = list(_definite(f"{component.name}: ", component.mass, component.stiffness, strict=False))
+    checks = list(_definite_component(component))
     tables, notes = [], []
     if component.nodes is not None:
         checks.append(_energy_check(component))
@@ -82,7 +85,7 @@ def _count(system: System, modes: Modes, expected: int) -> Check:
 
 def _residual(modes: Modes) -> Check:
     worst = float(modes.residuals.max(initial=0.0))
-    return Check("eigenvector residual", worst, 1e-6, worst <= 1e-6, "", "largest |K phi - w^2 M phi| / |diag(K) phi|")
+    return Check("eigenvector residual", worst, 1e-6, worst <= 1e-6, "", "largest |K phi - w^2 M phi| / |stiffness scale x phi|")
 
 
 def _matrices(system: System) -> Iterator[Check]:
@@ -92,17 +95,22 @@ def _matrices(system: System) -> Iterator[Check]:
         worst = float(abs(matrix - matrix.T).max()) / size if size else 0.0
         yield Check(f"symmetry of coupled {name}", worst, 1e-12, worst <= 1e-12, "", "largest |A - A^T| / largest |A|")
     for component in {id(c.mass): c for c in system.components}.values():
-        yield from _definite(f"{component.name}: ", component.mass, component.stiffness, strict=False)
+        yield from _definite_component(component)
     m = system.basis.T @ system.uncoupled_mass @ system.basis
     k = system.basis.T @ system.uncoupled_stiffness @ system.basis
     if m.shape[0] <= DENSE_CHECK:
-        yield from _definite("coupled: ", m, k, strict=True)
+        yield from _definite("coupled: ", m, k, coupled_stiffness_scale(system), strict=True)
 
 
-def _definite(owner: str, mass: Any, stiffness: Any, *, strict: bool) -> Iterator[Check]:
+def _definite_component(component: Component) -> Iterator[Check]:
+    scale = stiffness_scale(component)
+    return _definite(f"{component.name}: ", component.mass, component.stiffness, scale, strict=False)
+
+
+def _definite(owner: str, mass: Any, stiffness: Any, scale: FloatArray, *, strict: bool) -> Iterator[Check]:
     """Positive semi-definiteness; a component's indefinite mass is reported but left to the coupled model."""
-    for name, matrix in (("mass", mass), ("stiffness", stiffness)):
-        lowest = split_semidefinite(dense(matrix)).lowest
+    lows = {"mass": split_semidefinite(dense(mass)).lowest, "stiffness": lowest_eigenvalue(dense(stiffness), scale)}
+    for name, lowest in lows.items():
         decides = strict or name == "stiffness"
         text = "smallest eigenvalue, scaled to a unit diagonal"
         if not decides and lowest < DEFINITE_LIMIT:
