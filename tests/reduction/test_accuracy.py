@@ -201,10 +201,17 @@ def test_requests_that_cannot_be_met():
         ({"accuracy": 2.0, "max_frequency_hz": 100.0}, "between 0 and 1"),
         ({"max_frequency_hz": float("nan")}, "positive and finite"),
         ({"n_modes": 10_000}, "only"),
+        ({"n_modes": 2.5}, "n_modes 2.5 .* must be whole numbers"),
+        ({"n_modes": float("nan")}, "must be whole numbers"),
+        ({"n_modes": True}, "must be whole numbers"),
+        ({"n_modes": 3, "residual_vectors": "2"}, "residual_vectors '2' must be whole numbers"),
+        ({"max_frequency_hz": "100"}, "positive and finite, got 100"),
     ):
         with pytest.raises(InputError, match=words) as caught:
             craig_bampton(model, boundary, **options)
         assert "\n" not in str(caught.value)
+    with pytest.raises(InputError, match="reduces a FiniteElementModel, got str"):
+        craig_bampton("bus.bdf", boundary, n_modes=3)
     with pytest.raises(SolverError, match="GB"):
         craig_bampton(model, boundary, n_modes=3, memory_limit=1e3)
     with pytest.raises(InputError, match="rubin"):
@@ -227,3 +234,11 @@ def test_the_report_says_what_was_chosen():
     assert "asked 1.0e-05" in text
     assert "MB" in text
     assert "Rubin" in str(rubin(model, corners(model), n_modes=3).report)
+
+
+def test_blocks_beyond_a_complete_basis_add_nothing():
+    model = meshes.solid((3, 1, 1))
+    boundary = corners(model)
+    inside = len(model.dofs) - len(fp.DofSet.of(boundary))
+    for n_modes in (inside // 2, inside):
+        assert craig_bampton(model, boundary, n_modes=n_modes, residual_vectors=5).n_modal == inside

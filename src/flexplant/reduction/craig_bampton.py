@@ -7,7 +7,7 @@ from collections.abc import Iterable
 import numpy as np
 
 from flexplant.errors import InputError
-from flexplant.model.arrays import FloatArray, Matrix, checked_symmetric
+from flexplant.model.arrays import FloatArray, Matrix, checked_symmetric, is_number
 from flexplant.model.component import FiniteElementModel
 from flexplant.model.damping import DampingRatio, with_modal_damping
 from flexplant.model.dofs import DofSet
@@ -58,6 +58,8 @@ def craig_bampton(
     Sources: Craig and Bampton 1968; Wilson, Yuan and Dickens 1982; Craig and Hale 1988.
     """
     _check_request(max_frequency_hz, n_modes, residual_vectors, accuracy)
+    if not isinstance(model, FiniteElementModel):
+        raise InputError(f"craig_bampton reduces a FiniteElementModel, got {type(model).__name__}")
     part = Partition.of(model, boundary, threads=threads, memory_limit=memory_limit)
     forces = load_columns(part, loads)
     verified = None
@@ -81,10 +83,12 @@ def craig_bampton(
 def _check_request(max_frequency_hz: float | None, n_modes: int | None, residual_vectors: int, accuracy: float | None) -> None:
     if max_frequency_hz is None and n_modes is None:
         raise InputError("craig_bampton: give max_frequency_hz or n_modes")
-    if max_frequency_hz is not None and not 0 < max_frequency_hz < np.inf:
+    if max_frequency_hz is not None and not (is_number(max_frequency_hz) and 0 < max_frequency_hz < np.inf):
         raise InputError(f"craig_bampton: max_frequency_hz must be positive and finite, got {max_frequency_hz}")
-    if residual_vectors < 0 or (n_modes is not None and n_modes < 0):
-        raise InputError(f"craig_bampton: n_modes {n_modes} and residual_vectors {residual_vectors} must not be negative")
+    if not _is_count(residual_vectors) or not (n_modes is None or _is_count(n_modes)):
+        raise InputError(
+            f"craig_bampton: n_modes {n_modes!r} and residual_vectors {residual_vectors!r} must be whole numbers, not negative"
+        )
     if accuracy is None:
         return
     if max_frequency_hz is None or n_modes is not None or residual_vectors:
@@ -93,6 +97,10 @@ def _check_request(max_frequency_hz: float | None, n_modes: int | None, residual
         )
     if not 0 < accuracy < 1:
         raise InputError(f"craig_bampton: accuracy is a relative frequency error between 0 and 1, got {accuracy}")
+
+
+def _is_count(value: object) -> bool:
+    return isinstance(value, (int, np.integer)) and not isinstance(value, bool) and bool(value >= 0)
 
 
 def load_columns(part: Partition, loads: Iterable[tuple[int, int | str]]) -> FloatArray:

@@ -45,6 +45,8 @@ class RslabFactor:
     def solve(self, right_side: Any) -> Any:
         """x with A x = right_side, (n,) or (n, k)."""
         b = np.asarray(right_side, dtype=complex if self.complex else float)
+        if not b.size:
+            return b.copy()  # no columns: what a basis that is complete already leaves to solve
         return self.handle.solve(np.ascontiguousarray(b)) if b.ndim == 1 else self.handle.solve_many(np.ascontiguousarray(b))
 
 
