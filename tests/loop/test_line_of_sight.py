@@ -121,6 +121,13 @@ def test_errors(published, plant):
         line_of_sight_diagram(published, signals=["spots"])
     with pytest.raises(InputError, match="mirror_omega"):
         LineOfSight(focal_length=1.5, gain=1.0, mirror_omega=[1, 2, 3], mirror_zeta=0.3)
+    for bad in ("1.5", None, 1j, [1.5, 1.5]):
+        with pytest.raises(InputError, match="focal length"):
+            LineOfSight(focal_length=bad, gain=1.0, mirror_omega=100.0, mirror_zeta=0.3)
+    with pytest.raises(InputError, match="gain: real numbers"):
+        LineOfSight(focal_length=1.5, gain="high", mirror_omega=100.0, mirror_zeta=0.3)
+    with pytest.raises(InputError, match="axes must be a list"):
+        LineOfSight(focal_length=1.5, gain=1.0, mirror_omega=100.0, mirror_zeta=0.3, axes=2)
     with pytest.raises(InputError, match="never reaches one"):
         loop_figures(LineOfSight(focal_length=1.5, gain=0.5, mirror_omega=100.0, mirror_zeta=0.8))
 

@@ -199,6 +199,9 @@ def test_select_orders_channels_and_reports_unknown_ones():
         (["a.1.x"], ["a.1.2"], r"is not 'component.node.direction'"),
         (["a.1.2", "a.1.12"], ["a.1.2"], r"inputs listed twice: a.1.2"),
         ("a.1.2", ["a.1.2"], r"must be a list of names"),
+        (None, ["a.1.2"], r"inputs must be a list of names.*got None"),
+        (["a.1.2"], 5, r"outputs must be a list of names.*got 5"),
+        (["a.1.²"], ["a.1.2"], r"is not 'component.node.direction'"),
         (["a.1.2"], ["a.gauge.bend.y"], r"no such row in recovery 'gauge'.*bend.z"),
         (["a.1.2"], ["a.gage"], r"neither a DOF nor a recovery of component 'a'.*a.gauge"),
         (["a.1.2"], ["a-c.force.5.1"], r"no connection 'a-c'.*'a-b'"),
@@ -247,3 +250,17 @@ def test_a_massless_coordinate_is_static_compliance():
     assert plant.n_modes == 1
     assert np.allclose(frequency_response(plant, [0.0]).values[:, 0, 0], np.linalg.solve(K, [0.0, 1.0])[::-1], rtol=1e-12)
     assert plant.static_correction[0, 0] == pytest.approx(1 / 3e4, rel=1e-12)
+
+
+def test_only_a_coupled_system_has_a_plant():
+    part = two_beams().components[0]
+    for build in (modal_plant, descriptor):
+        with pytest.raises(InputError, match=rf"{build.__name__} takes a coupled System, got Component; use couple"):
+            build(part, inputs=["a.1.2"], outputs=["a.1.2"])
+
+
+def test_modes_of_another_object_are_refused():
+    system = two_beams()
+    for other in (normal_modes(system.components[0]), "modes"):
+        with pytest.raises(InputError, match=rf"modes must be those of this system, with shapes over its {system.n} coord"):
+            modal_plant(system, inputs=["a.1.2"], outputs=["a.1.2"], modes=other)

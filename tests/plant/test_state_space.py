@@ -82,6 +82,10 @@ def test_singular_e_is_refused_with_the_way_out():
         ({"omega": [0.0, 1.0, -2.0, 3.0]}, r"omega: entry 2 .* is -2"),
         ({"zeta": [0.1, 0.1]}, r"zeta has shape \(2,\), but \(4,\)"),
         ({"zeta": -0.1}, r"zeta: entry 0"),
+        ({"zeta": "light"}, r"zeta: real numbers"),
+        ({"shape_in": None}, r"shape_in has shape \(\)"),
+        ({"inputs": None}, r"inputs must be a list of names, got NoneType"),
+        ({"output_units": "mmm"}, r"output_units must be a list of texts.*got 'mmm'"),
         ({"damping": np.triu(np.ones((4, 4)))}, r"damping matrix is not symmetric"),
         ({"outputs": ["x", "x", "z"]}, r"outputs listed twice: x"),
         ({"inputs": "fg"}, r"inputs must be a list"),
@@ -99,6 +103,10 @@ def test_state_space_says_what_does_not_fit():
         StateSpace(eye, one, one, np.zeros((1, 1)), ["u"], ["y"])
     with pytest.raises(ModelError, match=r"dt = -1"):
         StateSpace(eye, one, one.T, np.zeros((1, 1)), ["u"], ["y"], dt=-1.0)
+    with pytest.raises(ModelError, match=r"dt = 'fast'"):
+        StateSpace(eye, one, one.T, np.zeros((1, 1)), ["u"], ["y"], dt="fast")
+    with pytest.raises(ModelError, match=r"descriptor 'plant': A has shape \(\)"):
+        Descriptor(1.0, 2.0, 3.0, 4.0, 5.0, ["u"], ["y"])
     with pytest.raises(ModelError, match=r"A has shape"):
         StateSpace(np.ones((2, 3)), one, one.T, np.zeros((1, 1)), ["u"], ["y"])
     with pytest.raises(InputError, match="got int"):

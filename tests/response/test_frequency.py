@@ -185,6 +185,9 @@ def test_frequency_exactly_on_an_undamped_mode_names_it():
         ([np.nan], "entry 0 is nan"),
         ([np.inf], "inf"),
         ([[1.0, 2.0]], r"shape \(1, 2\)"),
+        (2j * np.pi * np.array([1.0, 2.0]), "frequency_hz: real numbers"),
+        ("10", "frequency_hz: real numbers"),
+        ({"from": 1.0}, "frequency_hz: real numbers"),
     ],
 )
 def test_bad_frequencies(hz, message):

@@ -79,6 +79,9 @@ def test_unbounded_norms_are_explained():
     assert "0 Hz" in hinf_norm(state_space(modal(rigid=1))).explanation
     with pytest.raises(InputError, match="is infinite: rigid-body"):
         hinf_norm(modal(rigid=2), unbounded="error")
+    for bad in ("fine", np.nan, 0.0, -1e-6):
+        with pytest.raises(InputError, match="tolerance is relative, between 0 and 1"):
+            hinf_norm(modal(), tolerance=bad)
     with pytest.raises(InputError, match="'error'"):
         hinf_norm(modal(), unbounded="eror")
 

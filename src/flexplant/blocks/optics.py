@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from flexplant.blocks.basic import static
 from flexplant.errors import InputError
-from flexplant.model.arrays import FloatArray, frozen
+from flexplant.model.arrays import FloatArray, frozen, is_number, real_values
 from flexplant.plant.state_space import StateSpace
 
 AXES = ("x", "y")
@@ -22,7 +22,7 @@ def ports(quantity: str, axes: Sequence[str]) -> list[str]:
 
 def per_axis(values: npt.ArrayLike, axes: Sequence[str], what: str) -> FloatArray:
     """One finite value per axis, from one value for all or one for each; InputError names both counts."""
-    given = np.asarray(values, dtype=float)
+    given = real_values(values, what)
     if given.shape not in ((), (len(axes),)) or not np.isfinite(given).all():
         raise InputError(f"{what} {values!r}: use one finite value, or one for each of the axes {', '.join(axes)}")
     return np.asarray(frozen(np.broadcast_to(given, (len(axes),))))
@@ -30,7 +30,7 @@ def per_axis(values: npt.ArrayLike, axes: Sequence[str], what: str) -> FloatArra
 
 def focal_length_of(value: float, owner: str) -> float:
     """A focal length in metres that can be divided by; InputError otherwise."""
-    if not np.isfinite(value) or value == 0:
+    if not is_number(value) or not np.isfinite(value) or value == 0:
         raise InputError(f"{owner}: focal length {value!r} m; use a finite length that is not zero")
     return float(value)
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from flexplant.blocks.tones import Tones, tone_signal
 from flexplant.errors import InputError
-from flexplant.model.arrays import FloatArray, frozen
+from flexplant.model.arrays import FloatArray, frozen, is_number, real_values
 
 WHEEL_CHANNELS = ("fx", "fy", "fz", "mx", "my", "mz")
 
@@ -35,8 +35,7 @@ class Wheel:
     inputs: Sequence[str] = WHEEL_CHANNELS
 
     def __post_init__(self) -> None:
-        h = np.asarray(self.harmonics, dtype=float)
-        h = np.atleast_1d(h)
+        h = np.atleast_1d(real_values(self.harmonics, "wheel: harmonics"))
         if h.ndim not in (1, 2) or (h.ndim == 2 and h.shape[0] != 6) or not h.size or not (np.isfinite(h) & (h > 0)).all():
             raise InputError(f"wheel: harmonics of shape {h.shape}; use (nk,) or (6, nk) positive numbers")
         shape = (6, h.shape[-1])
@@ -44,20 +43,22 @@ class Wheel:
         for kind in ("amplitude", "phase_rad"):
             object.__setattr__(self, kind, _component_table(getattr(self, kind), shape, kind))
         object.__setattr__(self, "rotation", _checked_rotation(self.rotation))
+        if isinstance(self.inputs, str) or not isinstance(self.inputs, Iterable):
+            raise InputError(f"wheel: inputs must be a list of six names, got {self.inputs!r}")
         object.__setattr__(self, "inputs", tuple(self.inputs))
         if len(self.inputs) != 6:
             raise InputError(f"wheel: {len(self.inputs)} input names; three forces and three moments need 6")
 
 
 def _component_table(values: npt.ArrayLike, shape: tuple[int, int], kind: str) -> FloatArray:
-    given = np.asarray(values, dtype=float)
+    given = real_values(values, f"wheel: {kind}")
     if given.shape not in ((), (6,), shape) or not np.isfinite(given).all():
         raise InputError(f"wheel: {kind} of shape {given.shape}; use one finite value, (6,) or {shape}")
     return np.asarray(frozen(np.broadcast_to(given[:, None] if given.ndim == 1 else given, shape)))
 
 
 def _checked_rotation(rotation: npt.ArrayLike) -> FloatArray:
-    R: FloatArray = frozen(rotation)
+    R: FloatArray = frozen(rotation, what="wheel: rotation")
     if R.shape != (3, 3) or not np.allclose(R @ R.T, np.eye(3), atol=1e-9) or np.linalg.det(R) < 0:
         raise InputError(f"wheel: rotation of shape {R.shape} is not a proper 3 x 3 rotation (orthonormal, determinant +1)")
     return R
@@ -77,7 +78,7 @@ def wheel_tones(wheel: Wheel, omega_hz: float) -> Tones:
 
     Raises InputError unless omega_hz is finite and positive.
     """
-    if not (np.isfinite(omega_hz) and omega_hz > 0):
+    if not (is_number(omega_hz) and 0 < omega_hz < np.inf):
         raise InputError(f"wheel speed {omega_hz!r} Hz; use a finite positive speed")
     harmonics, amplitudes = harmonic_amplitudes(wheel)
     return Tones(frequency_hz=harmonics * omega_hz, amplitude=amplitudes * omega_hz**2, inputs=wheel.inputs)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy.typing as npt
@@ -34,6 +34,8 @@ class LineOfSight:
     axes: Sequence[str] = AXES
 
     def __post_init__(self) -> None:
+        if not isinstance(self.axes, Iterable):
+            raise InputError(f"line of sight: axes must be a list of names such as ['x', 'y'], got {self.axes!r}")
         object.__setattr__(self, "axes", tuple(self.axes))
         focal_length_of(self.focal_length, "line of sight")
         for kind in ("gain", "mirror_omega", "mirror_zeta"):

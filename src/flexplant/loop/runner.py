@@ -14,7 +14,7 @@ from flexplant.loop.diagram import Diagram
 from flexplant.loop.hybrid import hybrid_of
 from flexplant.loop.hybrid_recursion import HybridRecursion
 from flexplant.loop.recursion import Recursion, Runner
-from flexplant.model.arrays import FloatArray
+from flexplant.model.arrays import FloatArray, real_values
 
 Initial = str | npt.ArrayLike | None
 GROWTH = 1e-6  # real part (or distance from the unit circle) relative to the largest pole, below which round-off may cause it
@@ -87,7 +87,7 @@ def initial_state(size: int, initial: Initial, rest: FloatArray | None = None) -
                 "initial='steady_state' needs a linear system and its inputs as Tones (see wheel_tones); samples have none"
             )
         raise InputError(f"initial={initial!r}; use 'rest', 'steady_state' or an array of states")
-    state = np.array(initial, dtype=float)
+    state = np.array(real_values(initial, "initial state"))
     if state.shape != (size,) or not np.isfinite(state).all():
         raise InputError(f"initial state of shape {state.shape}; {size} finite values are needed")
     return state

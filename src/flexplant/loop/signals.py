@@ -9,14 +9,14 @@ import numpy.typing as npt
 import xarray as xr
 
 from flexplant.errors import InputError, nearest
-from flexplant.model.arrays import FloatArray
+from flexplant.model.arrays import FloatArray, real_values
 
 Signals = npt.ArrayLike | Mapping[str, npt.ArrayLike] | xr.DataArray | None
 
 
 def checked_time(time: npt.ArrayLike) -> tuple[FloatArray, float]:
     """(nt,) instants in seconds and their step; InputError unless they are at least two, increasing and uniform."""
-    t = np.asarray(time, dtype=float)
+    t = real_values(time, "time")
     if t.ndim != 1 or t.size < 2 or not np.isfinite(t).all():
         raise InputError(f"time must be a list of at least two finite instants in seconds, got shape {t.shape}")
     dt = float((t[-1] - t[0]) / (t.size - 1))
@@ -36,7 +36,7 @@ def sampled(inputs: Signals, names: list[str], nt: int) -> FloatArray:
     if inputs is None or isinstance(inputs, Mapping):
         w = _from_mapping(inputs or {}, names, nt)
     else:
-        w = np.array(inputs, dtype=float)
+        w = real_values(inputs, "inputs")
         w = w[None, :] if w.ndim == 1 and len(names) == 1 else w
         if w.shape != (len(names), nt):
             raise InputError(f"inputs have shape {w.shape}, but ({len(names)} inputs, {nt} instants) is needed")
@@ -50,7 +50,7 @@ def _from_mapping(inputs: Mapping[str, npt.ArrayLike], names: list[str], nt: int
     for name, values in inputs.items():
         if name not in names:
             raise InputError(f"inputs: no input {name!r}." + nearest(str(name), names))
-        signal = np.asarray(values, dtype=float)
+        signal = real_values(values, f"input {name!r}")
         if signal.shape not in ((), (nt,)):
             raise InputError(f"input {name!r} has shape {signal.shape}, but one number or ({nt},) values are needed")
         w[names.index(name)] = signal

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 import numpy.typing as npt
@@ -101,10 +101,12 @@ def _real_sum(amplitude: npt.NDArray[np.complex128], tones: Tones, t: FloatArray
 
 
 def _kept(outputs: Sequence[str] | None, known: list[str]) -> list[str]:
+    if outputs is not None and not isinstance(outputs, Iterable):
+        raise InputError(f"simulate: outputs must be a list of names, got {outputs!r}")
     kept = known if outputs is None else [outputs] if isinstance(outputs, str) else list(outputs)
     for name in kept:
         if name not in known:
-            raise InputError(f"simulate: no output {name!r}." + nearest(name, known))
+            raise InputError(f"simulate: no output {name!r}." + nearest(str(name), known))
     return kept
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -96,9 +96,18 @@ def output_matrices(system: System, outputs: Sequence[str]) -> OutputRows:
 
 
 def _listed(names: Sequence[str], what: str) -> list[str]:
-    if isinstance(names, str) or not all(isinstance(name, str) for name in names):
+    if isinstance(names, str) or not isinstance(names, Iterable):
         raise InputError(f"{what} must be a list of names such as ['bus.101.1'], got {names!r}")
-    return list(names)
+    names = list(names)
+    if not all(isinstance(name, str) for name in names):
+        raise InputError(f"{what} must be a list of names such as ['bus.101.1'], got {names!r}")
+    return names
+
+
+def checked_system(system: object, what: str) -> None:
+    """InputError unless `system` is coupled."""
+    if not isinstance(system, System):
+        raise InputError(f"{what} takes a coupled System, got {type(system).__name__}; use couple([component]), reduced before")
 
 
 def _distinct(names: list[str], what: str) -> tuple[str, ...]:
@@ -121,7 +130,7 @@ def _unit(direction: int, translation: str, rotation: str) -> str:
 def _dof_name(system: System, name: str) -> tuple[str, int, tuple[int, ...]]:
     """(component, node, directions) of "component.node.directions"; InputError suggests real names."""
     parts = name.split(".")
-    if len(parts) != 3 or not (parts[1].isdigit() and parts[2].isdigit()):
+    if len(parts) != 3 or not all(p.isascii() and p.isdigit() for p in parts[1:]):
         raise InputError(f"{name!r} is not 'component.node.direction'." + nearest(name, system.labels))
     component, node = system.component(parts[0]), int(parts[1])
     directions = tuple(int(d) for d in parts[2])
@@ -152,7 +161,7 @@ def _output(system: System, name: str) -> list[_Channel]:
     recovery = stem.split(".")[1] if "." in stem else ""
     if recovery in component.recovery:
         return _recovered(system, name, stem, order)
-    if not recovery.isdigit():
+    if not (recovery.isascii() and recovery.isdigit()):
         known = [f"{component.name}.{r}" for r in component.recovery] + [
             f"{component.name}.{n}.{d}" for n, d in component.boundary.pairs
         ]

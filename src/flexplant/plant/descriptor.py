@@ -9,7 +9,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from flexplant.assembly import System
-from flexplant.plant.channels import OutputRows, input_matrix, output_matrices
+from flexplant.plant.channels import OutputRows, checked_system, input_matrix, output_matrices
 from flexplant.plant.state_space import Descriptor
 
 
@@ -21,6 +21,7 @@ def descriptor(system: System, *, inputs: Sequence[str], outputs: Sequence[str],
     a row [0, A_i, 0] in E and [0, 0, 1] in A. Interface forces are lambda = (B B^T)^-1 B (F u - K p - Z p' - M p'').
     Raises InputError with the nearest names for unknown inputs or outputs.
     """
+    checked_system(system, "descriptor")
     columns, rows = input_matrix(system, inputs), output_matrices(system, outputs)
     basis = system.to_coupled(sp.eye_array(system.n, format="csr"))
     n, with_acceleration = system.n_coupled, _acceleration_rows(rows)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import numpy as np
@@ -15,6 +15,8 @@ def checked_names(names: Sequence[str], what: str, owner: str) -> tuple[str, ...
     """Distinct channel names as a tuple; ModelError lists the repeated ones."""
     if isinstance(names, str):
         raise ModelError(f"{owner}: {what} must be a list of names, got the text {names!r}; write [{names!r}]")
+    if not isinstance(names, Iterable):
+        raise ModelError(f"{owner}: {what} must be a list of names, got {type(names).__name__}")
     out = tuple(str(name) for name in names)
     twice = sorted({name for name in out if out.count(name) > 1})
     if twice:
@@ -24,7 +26,9 @@ def checked_names(names: Sequence[str], what: str, owner: str) -> tuple[str, ...
 
 def checked_units(units: Sequence[str], count: int, what: str, owner: str) -> tuple[str, ...]:
     """One unit text a channel; nothing given means all empty."""
-    out = tuple(str(u) for u in units) if len(units) else ("",) * count
+    if isinstance(units, str) or not isinstance(units, Iterable):
+        raise ModelError(f"{owner}: {what} must be a list of texts, one a channel, got {units!r}")
+    out = tuple(str(u) for u in units) or ("",) * count
     if len(out) != count:
         raise ModelError(f"{owner}: {len(out)} {what} for {count} channels")
     return out
@@ -39,7 +43,7 @@ def checked_dense(matrix: Any, shape: tuple[int | None, int | None], what: str) 
 
 def checked_vector(values: Any, count: int | None, what: str) -> FloatArray:
     """A read-only finite vector that is nowhere negative; ModelError names the first bad entry."""
-    out: FloatArray = frozen(values)
+    out: FloatArray = frozen(values, what=what)
     if out.ndim != 1 or (count is not None and out.size != count):
         raise ModelError(f"{what} has shape {out.shape}, but ({'n' if count is None else count},) is needed")
     bad = np.flatnonzero(~np.isfinite(out) | (out < 0))

@@ -10,10 +10,10 @@ import numpy as np
 
 from flexplant.assembly import System
 from flexplant.errors import InputError, ModelError, nearest
-from flexplant.model.arrays import FloatArray
+from flexplant.model.arrays import FloatArray, real_values
 from flexplant.model.damping import DampingRatio
 from flexplant.modes import Modes, normal_modes
-from flexplant.plant.channels import OutputRows, input_matrix, output_matrices
+from flexplant.plant.channels import OutputRows, checked_system, input_matrix, output_matrices
 from flexplant.plant.damping import ModalDamping, projected_damping, ratio_damping
 from flexplant.plant.fields import checked_dense, checked_names, checked_units, checked_vector
 from flexplant.plant.static_correction import residual_displacement
@@ -52,7 +52,8 @@ class ModalPlant:
     def __post_init__(self) -> None:
         owner = f"modal plant {self.name!r}"
         self._set("omega", checked_vector(self.omega, None, f"{owner}: omega"))
-        zeta = np.full(self.n_modes, float(self.zeta)) if np.ndim(self.zeta) == 0 else self.zeta
+        zeta = real_values(self.zeta, f"{owner}: zeta")
+        zeta = np.full(self.n_modes, float(zeta)) if zeta.ndim == 0 else zeta
         self._set("zeta", checked_vector(zeta, self.n_modes, f"{owner}: zeta"))
         for kind in ("inputs", "outputs"):
             names = checked_names(getattr(self, kind), kind, owner)
@@ -82,7 +83,7 @@ class ModalPlant:
         if self.shape_out is None:
             self._set("shape_out", np.zeros((ny, n)))
         for kind, shape in shapes.items():
-            if (matrix := getattr(self, kind)) is not None:
+            if (matrix := getattr(self, kind)) is not None or kind == "shape_in":
                 what = f"{owner} ({n} modes, {nu} inputs, {ny} outputs): {kind}"
                 self._set(kind, checked_dense(matrix, shape, what))
 
@@ -135,6 +136,9 @@ def modal_plant(
     modes: those of an earlier normal_modes(system, ...), to save the solution.
     Raises InputError for unknown names or choices, SolverError where modes or static correction cannot be computed.
     """
+    checked_system(system, "modal_plant")
+    if modes is not None and (not isinstance(modes, Modes) or modes.shapes.shape[0] != system.n):
+        raise InputError(f"modal_plant: modes must be those of this system, with shapes over its {system.n} coordinates")
     if modes is None:
         modes = normal_modes(system, max_frequency_hz=max_frequency_hz, n_modes=n_modes)
     columns, rows = input_matrix(system, inputs), output_matrices(system, outputs)

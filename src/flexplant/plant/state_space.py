@@ -11,7 +11,7 @@ import scipy.linalg
 import scipy.sparse as sp
 
 from flexplant.errors import InputError, ModelError
-from flexplant.model.arrays import FloatArray, Matrix, checked_matrix, dense
+from flexplant.model.arrays import FloatArray, Matrix, checked_matrix, dense, is_number, is_sparse
 from flexplant.plant.fields import checked_dense, checked_names, checked_units
 from flexplant.plant.modal import ModalPlant
 
@@ -50,7 +50,7 @@ class StateSpace:
         sizes = f"{owner} ({n} states, {nu} inputs, {ny} outputs)"
         for kind, shape in {"A": (n, n), "B": (n, nu), "C": (ny, n), "D": (ny, nu)}.items():
             object.__setattr__(self, kind, checked_dense(getattr(self, kind), shape, f"{sizes}: {kind}"))
-        if self.dt is not None and not (np.isfinite(self.dt) and self.dt > 0):
+        if self.dt is not None and not (is_number(self.dt) and 0 < self.dt < np.inf):
             raise ModelError(f"{owner}: dt = {self.dt!r}; use None for continuous time or a positive number of seconds")
 
     @property
@@ -81,10 +81,12 @@ class Descriptor:
     def __post_init__(self) -> None:
         owner = f"descriptor {self.name!r}"
         _set_channels(self, owner)
+        if np.ndim(self.A) != 2 and not is_sparse(self.A):
+            raise ModelError(f"{owner}: A has shape {np.shape(self.A)}, but a square matrix is needed")
         n, nu, ny = np.shape(self.A)[0], len(self.inputs), len(self.outputs)
         sizes = f"{owner} ({n} states, {nu} inputs, {ny} outputs)"
         for kind in ("E", "A"):
-            object.__setattr__(self, kind, checked_matrix(sp.csr_array(getattr(self, kind)), (n, n), f"{sizes}: {kind}"))
+            object.__setattr__(self, kind, sp.csr_array(checked_matrix(getattr(self, kind), (n, n), f"{sizes}: {kind}")))
         for kind, shape in {"B": (n, nu), "C": (ny, n)}.items():
             object.__setattr__(self, kind, checked_matrix(getattr(self, kind), shape, f"{sizes}: {kind}"))
         object.__setattr__(self, "D", checked_dense(self.D, (ny, nu), f"{sizes}: D"))
