@@ -79,7 +79,8 @@ def _progress(quiet: bool) -> Iterator[Callable[[str, float], None] | None]:
     try:
         yield show
     finally:
-        bar.stop()
+        if bar.live.is_started:  # stopping what never began would print an empty line
+            bar.stop()
 
 
 def _version(show: bool) -> None:

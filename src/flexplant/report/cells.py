@@ -32,8 +32,9 @@ def _real_text(value: float, digits: int) -> str:
         return "∞" if value > 0 else "−∞"
     if value == 0:
         return "0"
-    if 1e-4 <= abs(value) < 1e7:
-        text = f"{value:.{digits}g}"
+    if 1e-3 <= abs(value) < 1e7:
+        # an error of 0.0021 % needs no six digits, a frequency of 107.001 Hz does
+        text = f"{value:.{digits if abs(value) >= 1 else min(digits, 4)}g}"
         return f"{value:.0f}" if "e" in text else text
     mantissa, exponent = f"{value:.{min(digits, 4) - 1}e}".split("e")
     return f"{mantissa.rstrip('0').rstrip('.')}e{int(exponent)}"
@@ -45,9 +46,13 @@ def is_number(value: object) -> bool:
 
 
 def number_columns(table: Table) -> list[bool]:
-    """Which columns hold numbers (and blanks), (n columns,)."""
+    """Which columns hold numbers (and blanks or "~0"), (n columns,)."""
     columns = zip(*table.rows, strict=True) if table.rows else [()] * len(table.columns)
-    return [any(map(is_number, column)) and all(v is None or is_number(v) for v in column) for column in columns]
+    return [any(map(is_number, column)) and all(map(_fits_numbers, column)) for column in columns]
+
+
+def _fits_numbers(value: object) -> bool:
+    return value is None or is_number(value) or str(value).strip().lstrip("~<>≈").replace(".", "", 1).isdecimal() or value == ""
 
 
 def is_digest(value: object) -> bool:

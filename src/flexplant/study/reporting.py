@@ -45,11 +45,12 @@ def _tiles(result: StudyResult) -> Iterator[Tile]:
     yield Tile("Checks", f"{len(checks.checks) - len(checks.failed)} of {len(checks.checks)}", "", "passed", checks.passed)
     yield Tile("Rigid-body modes", modes.n_rigid, "", f"{result.study.verification.rigid_body_modes} expected")
     if len(modes) > modes.n_rigid:
-        yield Tile("First flexible mode", float(modes.frequency_hz[modes.n_rigid]), "Hz")
+        yield Tile("First flexible mode", f"{modes.frequency_hz[modes.n_rigid]:.1f}", "Hz")
     if result.compared is not None:
         worst, limit = result.compared.worst_percent, result.study.verification.reference
         passed = None if limit is None else worst <= 100 * limit.limit
-        yield Tile("Worst of the first modes", worst, "%", "frequency error against the whole model", passed)
+        note = f"largest frequency error of the first {result.compared.held} modes"
+        yield Tile("Against the reference", f"{worst:.2g}", "%", note, passed)
     if result.line_of_sight is not None:
         yield from _loop_tiles(result.line_of_sight)
 
@@ -69,7 +70,7 @@ def _sections(result: StudyResult, view: StructureView | None) -> Iterator[Secti
         yield Section("Spot motion", list(_spot_items(result.line_of_sight)))
         yield Section("Control loop", list(_loop_items(result, result.line_of_sight)))
     yield Section("Checks of the coupled model", [result.checks])
-    yield Section("Checks of the components", [item for r in result.component_checks.items() for item in (r[0], r[1])])
+    yield Section("Checks of the components", [item for name, r in result.component_checks.items() for item in (f"Component {name}", r)])
 
 
 def _mode_items(result: StudyResult, view: StructureView | None) -> Iterator[Item]:
@@ -146,7 +147,7 @@ def _loop_items(result: StudyResult, loop: LineOfSightResult) -> Iterator[Item]:
         Mark(f.bandwidth_hz, f"{f.bandwidth_hz:.1f} Hz", HALF_POWER_DB),
     ]
     output, given = (str(loop.closed_loop[d].values[0]) for d in ("output", "input"))
-    yield Plot(bode({"closed loop": loop.closed_loop}, output=output, input=given, marks=closed), f"Axis {f.axis}.")
+    yield Plot(bode({"closed loop": loop.closed_loop}, output=output, input=given, marks=closed), _axis_caption(loop))
     output, given = (str(loop.sensitivity[d].values[0]) for d in ("output", "input"))
     crossing = [Mark(f.rejection_hz, f"{f.rejection_hz:.1f} Hz", HALF_POWER_DB)]
     yield Plot(sensitivity({"output sensitivity": loop.sensitivity}, output=output, input=given, marks=crossing))
@@ -162,13 +163,22 @@ def _loop_items(result: StudyResult, loop: LineOfSightResult) -> Iterator[Item]:
 
 def _gain_caption(result: StudyResult, peak_hz: float) -> str:
     limit = result.study.plant.max_frequency_hz
-    text = "From the six wheel inputs to the spot. Below the first flexible mode the free body moves as a whole."
+    text = (
+        "From the six wheel inputs to the spot, the larger singular value solid and the smaller dotted. Below the first flexible "
+        "mode the free body moves as a whole."
+    )
     if limit is None or limit > peak_hz:
         return text
     return (
         f"{text} Above {limit:g} Hz the plant keeps only the static response of its truncated modes: the loop's own peak near "
         f"{peak_hz:.0f} Hz is real, but what the structure feeds into it there is not resolved."
     )
+
+
+def _axis_caption(loop: LineOfSightResult) -> str:
+    first, *others = loop.figures
+    alike = [f.axis for f in others if math.isclose(f.peak_hz, first.peak_hz) and math.isclose(f.peak, first.peak)]
+    return f"Axis {first.axis}" + (f"; axis {alike[0]} has the same loop." if alike else ".")
 
 
 def _db(value: float) -> float:

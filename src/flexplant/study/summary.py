@@ -77,8 +77,8 @@ def _second(result: StudyResult) -> str:
     _, _, median, largest = result.truth.second_below_limit
     parts = result.study.truth.components
     how = ", ".join(f"{name} from {spec.file}{_reduced(spec)}" for name, spec in parts.items())
-    differs = f"it differs by {median:.2g} % and {largest:.2g} %"
-    return f" With other components ({how}) {differs}: the basis of the delivered ones makes the rest."
+    differs = f"the same plant differs by {median:.2g} % and {largest:.2g} %"
+    return f" Built from other components ({how}), {differs}; what lies between is the basis of the first ones."
 
 
 def _reduced(spec: ComponentSpec) -> str:
@@ -86,7 +86,7 @@ def _reduced(spec: ComponentSpec) -> str:
     if how is None:
         return ""
     modes = f"{how.n_modes} modes" if how.n_modes is not None else f"modes up to {how.max_frequency_hz:g} Hz"
-    return f" with {modes} and {how.residual_vectors}x Ritz vectors"
+    return f" with {modes} and {how.residual_vectors} block{'s'[: how.residual_vectors != 1]} of Ritz vectors"
 
 
 def _line_of_sight(loop: LineOfSightResult) -> Iterator[str]:
@@ -123,7 +123,7 @@ def _unseen(loop: LineOfSightResult) -> Iterator[str]:
 
 def length(metres: float) -> str:
     """A length with the prefix that suits it: "11.1 nm"."""
-    units = (("m", 1.0), ("mm", 1e3), ("um", 1e6), ("nm", 1e9), ("pm", 1e12))
+    units = (("m", 1.0), ("mm", 1e3), ("µm", 1e6), ("nm", 1e9), ("pm", 1e12))
     unit, scale = next((u for u in units if abs(metres) * u[1] >= 1), units[-1])
     return f"{metres * scale:.3g} {unit}"
 

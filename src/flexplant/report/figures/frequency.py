@@ -18,6 +18,7 @@ from flexplant.report.figures.theme import (
     Mark,
     annotate,
     blank,
+    decade_ticks,
     line,
     loop_colour,
     plain,
@@ -218,6 +219,7 @@ def _differences(figure: go.Figure, entries: Mapping[str, xr.DataArray], referen
         hover = "%{x:.5g} Hz<br>%{y:.3g} %"
         trace = line(hz[keep], percent[keep], name=name, number=number, legend=False, hover=hover, width=1.0)
         figure.add_trace(trace, row=3, col=1)
+    decade_ticks(figure, row=3, most=4)
 
 
 def _phase_ticks(figure: go.Figure, row: int) -> None:

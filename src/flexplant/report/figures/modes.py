@@ -9,7 +9,7 @@ import plotly.graph_objects as go
 from numpy.typing import ArrayLike, NDArray
 
 from flexplant.errors import InputError
-from flexplant.report.figures.theme import ACCENT, GREY, HZ, PALETTE, Axis, Mark, annotate, blank, plain
+from flexplant.report.figures.theme import ACCENT, GREY, HZ, PALETTE, Axis, Mark, annotate, blank, decade_ticks, plain
 
 FloatArray = NDArray[np.float64]
 
@@ -43,6 +43,7 @@ def mode_contributions(
             trace.update(line_color=PALETTE[number % len(PALETTE)], marker_color=PALETTE[number % len(PALETTE)])
         figure.add_traces(stems)
     figure.update_xaxes(nticks=3)  # modes often span one decade, where more would crowd
+    decade_ticks(figure, row=1, most=6)
     annotate(figure, marks, log_y=True)
     return figure
 

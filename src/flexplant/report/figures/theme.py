@@ -45,8 +45,8 @@ class Axis:
         """The plotly settings of this axis."""
         settings: dict[str, Any] = {"type": self.kind, "title": {"text": self.label, "standoff": 8}}
         if self.kind == "log":
-            # with a tick format the sub-decade ticks read 20, 50 instead of a bare 2, 5
-            settings |= {"exponentformat": "power", "dtick": 1} if self.exponent else {"tickformat": "~g"}
+            # plotly draws powers a quarter larger than other ticks; with a tick format the sub-decade ticks read 20, 50 instead of a bare 2, 5
+            settings |= {"exponentformat": "power", "dtick": 1, "tickfont": {"size": 10.5}} if self.exponent else {"tickformat": "~g"}
         return settings
 
 
@@ -168,7 +168,17 @@ def annotate(figure: go.Figure, marks: Sequence[Mark], *, row: int = 1, log_x: b
             x=[mark.x], y=[mark.y], mode="markers", showlegend=False, hoverinfo="skip", marker={"color": ACCENT, "size": 7}
         )
         figure.add_trace(point, row=row, col=1)
-        figure.add_annotation(x=x, y=y, ax=-34, ay=-30 - 22 * (place % 2), arrowwidth=1, arrowhead=2, arrowcolor=GREY, **text)
+        arrow = {"ax": (-44, 44)[place % 2], "ay": -30, "arrowwidth": 1, "arrowhead": 2, "arrowcolor": GREY}
+        figure.add_annotation(x=x, y=y, **arrow, **text)
+
+
+def decade_ticks(figure: go.Figure, row: int, most: int) -> None:
+    """Label every decade of a row's log y axis, or every second, third ... where more than `most` would crowd."""
+    drawn = [np.asarray(trace.y, dtype=float) for trace in figure.select_traces(row=row, col=1)]
+    values = np.concatenate([y[np.isfinite(y) & (y > 0)] for y in drawn]) if drawn else np.ones(1)
+    if values.size:
+        decades = np.log10(values.max()) - np.log10(values.min())
+        figure.update_yaxes(dtick=max(1, int(np.ceil(decades / most))), row=row)
 
 
 def si_scale(values: Mapping[str, NDArray[np.float64]], unit: str) -> tuple[float, str]:

@@ -18,6 +18,8 @@
     for (const key of Object.keys(layout)) {
       if (/^[xy]axis\d*$/.test(key)) for (const part of Object.keys(axis)) out[`${key}.${part}`] = axis[part];
     }
+    // labels of marks hide the curves behind them
+    (layout.annotations ?? []).forEach((_, k) => (out[`annotations[${k}].bgcolor`] = css("--paper")));
     out["hoverlabel.bgcolor"] = css("--raised");
     out["hoverlabel.font.color"] = css("--ink");
     out["modebar.color"] = css("--rule");
@@ -27,7 +29,7 @@
   }
   function put(layout, settings) {
     for (const [path, value] of Object.entries(settings)) {
-      const keys = path.split(".");
+      const keys = path.split(/[.[\]]+/).filter(Boolean);
       const last = keys.pop();
       keys.reduce((node, key) => (node[key] ??= {}), layout)[last] = value;
     }
