@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import scipy.sparse as sp
+from stepwise_simulation import simulate
 
 from flexplant.errors import InputError
 from flexplant.io import write_plant
@@ -18,7 +19,6 @@ from flexplant.plant.discretize import discretize
 from flexplant.plant.modal import ModalPlant
 from flexplant.plant.state_space import Descriptor, StateSpace, state_space
 from flexplant.response.frequency import frequency_response
-from flexplant.response.transient import simulate
 
 GCC, OCTAVE = shutil.which("gcc"), shutil.which("octave")
 needs_gcc = pytest.mark.skipif(GCC is None, reason="no C compiler (gcc)")

@@ -6,6 +6,7 @@ import control
 import numpy as np
 import pytest
 import scipy.integrate
+import stepwise_simulation as transient
 import xarray as xr
 
 from flexplant.blocks.basic import gain, summing_junction
@@ -23,7 +24,6 @@ from flexplant.loop.simulate import simulate
 from flexplant.plant.modal import ModalPlant
 from flexplant.plant.rigid_body import without_rigid_body
 from flexplant.plant.state_space import Descriptor, state_space
-from flexplant.response import transient
 
 
 def relative(a, b):

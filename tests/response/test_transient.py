@@ -6,12 +6,12 @@ import control
 import numpy as np
 import pytest
 import xarray as xr
+from stepwise_simulation import BLOCK, simulate
 
 from flexplant.errors import InputError
 from flexplant.plant.discretize import discretize
 from flexplant.plant.modal import ModalPlant
 from flexplant.plant.state_space import state_space
-from flexplant.response.transient import BLOCK, simulate
 
 
 def modal(n=6, rigid=1) -> ModalPlant:

@@ -1,4 +1,4 @@
-"""Time simulation of one linear plant by its exact recursion."""
+"""A plain time simulation by exact recursion, one step after the other: the peer of `flexplant.simulate` in the tests."""
 
 from __future__ import annotations
 
