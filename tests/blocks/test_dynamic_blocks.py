@@ -4,6 +4,7 @@ import control
 import numpy as np
 import pytest
 
+from flexplant.blocks.basic import gain
 from flexplant.blocks.delay import pade_delay, sample_delay
 from flexplant.blocks.mirror import steering_mirror
 from flexplant.blocks.pid import pid
@@ -122,3 +123,23 @@ def test_steering_mirror_per_axis():
     assert not G[0, 1].any()
     with pytest.raises(InputError, match="mirror"):
         steering_mirror(0.0, 0.3)
+
+
+@pytest.mark.parametrize(
+    "call",
+    [
+        lambda: gain("high"),
+        lambda: gain(1j),
+        lambda: transfer_function(["one"], [1, 1]),
+        lambda: transfer_function([1j], [1, 1]),
+        lambda: pade_delay("0.1", 2),
+        lambda: pade_delay(0.1, 2.5),
+        lambda: sample_delay("3", 0.1),
+        lambda: sample_delay(np.nan, 0.1),
+        lambda: pid("high"),
+        lambda: pid(1.0, np.nan),
+    ],
+)
+def test_arguments_that_are_no_real_numbers(call):
+    with pytest.raises(InputError, match=r"^(gain|transfer function|delay|pid) '"):
+        call()

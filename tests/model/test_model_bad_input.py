@@ -170,7 +170,7 @@ def test_damping_of_a_negative_stiffness_is_an_error():
     assert np.isnan(part.fixed_interface_hz).all()
 
 
-@pytest.mark.parametrize("bad", ["imperial", (0.0, 1.0), (1.0, -2.0)])
+@pytest.mark.parametrize("bad", ["imperial", (0.0, 1.0), (1.0, -2.0), (1e-3,), 5, ("mm", "kg"), (np.nan, 1.0)])
 def test_bad_units(bad):
     with pytest.raises(InputError, match="unit"):
         unit_system(bad)

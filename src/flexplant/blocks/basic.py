@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from flexplant.errors import InputError
+from flexplant.model.arrays import real_values
 from flexplant.plant.state_space import StateSpace
 
 
@@ -50,7 +51,7 @@ def gain(
 
     Ports default to "u", "y", or "u1", "u2", ... and "y1", "y2", ... InputError for more than two dimensions.
     """
-    given = np.asarray(factor, dtype=float)
+    given = real_values(factor, f"gain {name!r}")
     if given.ndim > 2:
         raise InputError(f"gain {name!r}: factor has shape {given.shape}; use a number, a vector or a (ny, nu) matrix")
     matrix = given if given.ndim == 2 else np.diag(np.atleast_1d(given))

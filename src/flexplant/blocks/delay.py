@@ -9,6 +9,7 @@ import numpy as np
 from flexplant.blocks.basic import static
 from flexplant.blocks.transfer_function import transfer_function
 from flexplant.errors import InputError
+from flexplant.model.arrays import is_number
 from flexplant.plant.state_space import StateSpace
 
 MAX_PADE_ORDER = 12  # beyond it the companion form of the all-pass loses digits
@@ -22,15 +23,15 @@ def pade_delay(
     Good while w T stays below about 2 order. T = 0 is a wire. InputError for a negative T or an order outside 1..12.
     Source: Golub and Van Loan, Matrix Computations, section 9.3 (coefficients of the approximant of exp).
     """
-    if not (math.isfinite(seconds) and seconds >= 0):
+    if not (is_number(seconds) and 0 <= seconds < math.inf):
         raise InputError(f"delay {name!r}: {seconds!r} s; use a finite time that is not negative")
-    if not 1 <= order <= MAX_PADE_ORDER:
+    if not is_number(order) or order % 1 or not 1 <= order <= MAX_PADE_ORDER:
         raise InputError(f"delay {name!r}: Pade order {order}; use 1 to {MAX_PADE_ORDER}, or sample_delay for an exact delay")
     if seconds == 0:
         return static([[1.0]], inputs=[input_name], outputs=[output_name], name=name, input_units=[unit], output_units=[unit])
     # c_k (sT)^k with c_k = (2n - k)! n! / ((2n)! k! (n - k)!), highest power first
-    powers = range(order, -1, -1)
-    n = order
+    n = int(order)
+    powers = range(n, -1, -1)
     c = [math.factorial(2 * n - k) * math.comb(n, k) / math.factorial(2 * n) * seconds**k for k in powers]
     numerator = [value * (-1) ** k for value, k in zip(c, powers, strict=True)]
     return transfer_function(
@@ -42,7 +43,7 @@ def sample_delay(
     samples: int, dt: float, *, input_name: str = "u", output_name: str = "y", unit: str = "", name: str = "delay"
 ) -> StateSpace:
     """y[k] = u[k - samples], exact, as a shift register of `samples` states. InputError for a negative number of samples."""
-    if samples < 0 or samples != int(samples):
+    if not is_number(samples) or samples % 1 or samples < 0:
         raise InputError(f"delay {name!r}: {samples!r} samples; use a whole number that is not negative")
     n = int(samples)
     shift, C = np.eye(n, k=-1), np.eye(n)[-1:] if n else np.zeros((1, 0))

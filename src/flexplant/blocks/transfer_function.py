@@ -7,7 +7,7 @@ import numpy.typing as npt
 import scipy.linalg
 
 from flexplant.errors import InputError
-from flexplant.model.arrays import FloatArray
+from flexplant.model.arrays import FloatArray, real_values
 from flexplant.plant.state_space import StateSpace
 
 
@@ -42,7 +42,7 @@ def transfer_function(
 
 
 def _coefficients(values: npt.ArrayLike, what: str, name: str) -> FloatArray:
-    out = np.atleast_1d(np.asarray(values, dtype=float))
+    out = np.atleast_1d(real_values(values, f"transfer function {name!r}: {what}"))
     if out.ndim != 1 or not out.size or not np.isfinite(out).all():
         raise InputError(f"transfer function {name!r}: {what} {values!r}; use a list of finite numbers, highest power first")
     return np.trim_zeros(out, "f") if out.any() else out[:1]

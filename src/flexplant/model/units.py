@@ -8,7 +8,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from flexplant.errors import InputError, nearest
-from flexplant.model.arrays import FloatArray, Matrix
+from flexplant.model.arrays import FloatArray, Matrix, is_number
 from flexplant.model.component import Component, FiniteElementModel
 from flexplant.model.dofs import DofSet
 from flexplant.model.geometry import Nodes
@@ -51,9 +51,10 @@ def unit_system(units: str | UnitSystem | tuple[float, float]) -> UnitSystem:
         if units in UNIT_SYSTEMS:
             return UNIT_SYSTEMS[units]
         raise InputError(f"unknown unit system {units!r}." + nearest(units, UNIT_SYSTEMS))
-    length, mass = units
-    if not (length > 0 and mass > 0):
-        raise InputError(f"unit system: length and mass must be positive, got {units!r}")
+    pair = list(units) if isinstance(units, (tuple, list)) else []
+    if len(pair) != 2 or not all(is_number(value) and 0 < value < np.inf for value in pair):
+        raise InputError(f"unit system: a preset or two positive numbers (length in m, mass in kg) are needed, got {units!r}")
+    length, mass = pair
     return UnitSystem(f"{length} m, {mass} kg", float(length), float(mass))
 
 
