@@ -254,3 +254,13 @@ def test_effective_mass_names_the_sizes_that_disagree():
 def test_requests_that_are_no_numbers(bad):
     with pytest.raises(InputError, match=f"{next(iter(bad))} must be"):
         normal_modes(chain(), **bad)
+
+
+@pytest.mark.parametrize("hz", [1.0, 1e-2, 1e-4])
+def test_a_soft_mount_without_geometry_is_no_rigid_body_mode(hz):
+    """Round-off is told from a soft spring by its sign, not by its size."""
+    mount = 10.0 * (2 * np.pi * hz) ** 2
+    part = Component(name="c", mass=[[10.0, 0.5], [0.5, 1.0]], stiffness=np.diag([mount, (2e3 * np.pi) ** 2]), boundary=[(1, 1)])
+    modes = normal_modes(part)
+    assert modes.n_rigid == 0
+    assert modes.frequency_hz[0] == pytest.approx(hz, rel=1e-3)

@@ -6,11 +6,12 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy.linalg as la
+from scipy.sparse.csgraph import connected_components
 
-from flexplant.model.arrays import FloatArray
+from flexplant.model.arrays import FloatArray, IntArray
 
 NEGATIVE = -1e-8  # of a unit diagonal: below this an eigenvalue is negative, not the rounding of a single-precision file
-CANCELLED = 1e-11  # of its scale: a diagonal that is the round-off of a condensation (1e-13 to 1e-12 is seen)
+CANCELLED = 1e-9  # of its scale: below this a diagonal may be the round-off of a condensation (1e-13 to 1e-12 is seen)
 EPS = float(np.finfo(float).eps)
 
 
@@ -40,18 +41,28 @@ def lowest_eigenvalue(matrix: FloatArray, scale: FloatArray) -> float:
     return float(la.eigvalsh(d[:, None] * matrix * d[None, :]).min(initial=0.0)) if size.size else 0.0
 
 
+def _cancelled(matrix: FloatArray, scale: FloatArray) -> IntArray:
+    """Coordinates whose stiffness is round-off: small beside `scale`, and indefinite, which a soft spring never is."""
+    small = np.flatnonzero(abs(np.diagonal(matrix)) <= CANCELLED * scale)
+    block = matrix[np.ix_(small, small)]
+    count, group = connected_components(block != 0, directed=False) if small.size else (0, small)
+    members = [np.flatnonzero(group == g) for g in range(count)]
+    noise = [at for at in members if lowest_eigenvalue(block[np.ix_(at, at)], np.zeros(at.size)) < NEGATIVE]
+    return small[np.concatenate(noise)] if noise else small[:0]
+
+
 def split_semidefinite(matrix: FloatArray, *, tolerance: float | None = None, scale: FloatArray | None = None) -> Split:
     """Split R^n into range and null space of a symmetric positive semi-definite (n, n) matrix.
 
     Eigenvalues of D A D (unit diagonal) at or below `tolerance` (default 10 n eps) count as zero, clearly negative ones do
-    not; coordinates whose row vanishes are null exactly, and with `scale` (n,) those whose diagonal is round-off beside it:
+    not; coordinates whose row vanishes are null exactly, and with `scale` (n,) those whose stiffness is round-off beside it:
     the boundary stiffness of one node is what is left of cancelling the whole interior's. Basis vectors come back in the
     original coordinates.
     """
     n = matrix.shape[0]
     d = jacobi_scale(matrix)
     if scale is not None:
-        d[abs(np.diagonal(matrix)) <= CANCELLED * scale] = 0.0
+        d[_cancelled(matrix, scale)] = 0.0
     live = np.flatnonzero(d)
     dead = np.flatnonzero(d == 0)
     values, vectors = (
