@@ -80,7 +80,10 @@ def test_all_files_are_written_and_can_be_read_back(tmp_path):
         stored = data["frequency_response__real"].values + 1j * data["frequency_response__imag"].values
         np.testing.assert_array_equal(stored, result.response.values)
         assert set(data["case"].values) == {"open loop", "closed loop"}
-        assert len(json.loads(data.attrs["file left.npz"])["sha256"]) == 64
+        hashes = json.loads(data.attrs["Files (SHA-256)"])
+        assert {"study.yaml", "left.npz"} <= set(hashes)
+        assert all(len(digest) == 64 for digest in hashes.values())
+        assert str(tmp_path) not in result.files["report"].read_text(encoding="utf-8"), "where it was made is nobody's business"
     page = result.files["report"].read_text()
     assert "Two halves of a chain" in page
     assert "phase margin" in page

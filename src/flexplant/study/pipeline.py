@@ -39,18 +39,19 @@ def run_study(
     error. Raises StudyError for a study file that cannot be used, and the errors of the steps.
     """
     study = load_study(path, allow_outside=allow_outside)
-    folder, steps = Path(path).parent, _Steps(progress)
+    path, steps = Path(path), _Steps(progress)
     with output_folder(output) if output is not None else nullcontext() as work:
-        result = _result(study, folder, steps)
+        result = _result(study, path, steps)
         if work is None or output is None:
             return result
         steps("writing the results", 0.9)
-        names = write_files(result, structure_view(study, folder, result.system, result.modes), work)
+        names = write_files(result, structure_view(study, path.parent, result.system, result.modes), work)
     steps("done", 1.0)
     return replace(result, files={name: Path(output) / file for name, file in names.items()})
 
 
-def _result(study: StudySpec, folder: Path, steps: _Steps) -> StudyResult:
+def _result(study: StudySpec, path: Path, steps: _Steps) -> StudyResult:
+    folder = path.parent
     steps("reading the components", 0.0)
     components = read_components(study, folder)
     component_checks = {c.name: check_component(c) for c in components}
@@ -82,7 +83,7 @@ def _result(study: StudySpec, folder: Path, steps: _Steps) -> StudyResult:
         response=response,
         truth=truth,
         line_of_sight=loop,
-        provenance=provenance(study, folder, system),
+        provenance=provenance(study, path, system) | {"Seconds": {k: round(v, 2) for k, v in steps.seconds().items()}},
         seconds=steps.seconds(),
     )
     return replace(found, tables=study_tables(found, compared), summary=summary(found, compared), compared=compared)

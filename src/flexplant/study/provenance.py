@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import hashlib
+import os
 import platform
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
@@ -14,32 +15,43 @@ from flexplant.study.schema import StudySpec
 PACKAGES = ("flexplant", "numpy", "scipy", "xarray", "rslab", "pyyeti", "plotly")
 
 
-def provenance(study: StudySpec, folder: Path, system: System) -> dict[str, dict[str, object]]:
-    """Group -> name -> value, for the report and the results file."""
-    groups: dict[str, dict[str, object]] = {f"file {name}": dict(_file(folder / name)) for name in _files(study)}
+def provenance(study: StudySpec, path: Path, system: System) -> dict[str, dict[str, object]]:
+    """Group -> name -> value, for the report and the results file; `path`: the study file.
+
+    Files are named relative to the study's folder: a report is passed on, and where it was made is nobody's business.
+    """
+    groups: dict[str, dict[str, object]] = {"Files (SHA-256)": dict(_hashes(study, path, system))}
     for component in system.components:
-        groups[f"component {component.name}"] = {
+        groups[f"Component {component.name}"] = {
             "boundary DOF": component.n_boundary,
             "modal DOF": component.n_modal,
-            **{str(k): v for k, v in component.source.items() if isinstance(v, (str, int, float))},
+            **{
+                str(k): v for k, v in component.source.items() if isinstance(v, (str, int, float)) and k not in ("path", "sha256")
+            },
         }
-    groups["versions"] = {"python": platform.python_version(), **{name: _version(name) for name in PACKAGES}}
-    groups["settings"] = dict(_settings(study))
+    groups["Versions"] = {"python": platform.python_version(), **{name: _version(name) for name in PACKAGES}}
+    groups["Settings"] = dict(_settings(study))
     return groups
 
 
 def _files(study: StudySpec) -> list[str]:
     reference = study.verification.reference
-    named = [c.file for c in study.components.values()]
+    parts = [*study.components.values(), *([] if study.truth is None else study.truth.components.values())]
+    named = [name for c in parts for name in (c.file, c.geometry) if name is not None]
     named += [reference.file] if reference is not None and reference.file is not None else []
-    named += [study.truth.file, *(c.file for c in study.truth.components.values())] if study.truth is not None else []
+    named += [study.truth.file] if study.truth is not None else []
     return list(dict.fromkeys(named))
 
 
-def _file(path: Path) -> Iterator[tuple[str, object]]:
-    data = path.read_bytes()
-    yield "bytes", len(data)
-    yield "sha256", hashlib.sha256(data).hexdigest()
+def _hashes(study: StudySpec, path: Path, system: System) -> Iterator[tuple[str, str]]:
+    """The study file, every file it names, and what the readers found beside them (sidecars, display sets)."""
+    folder = path.parent
+    for name in (path.name, *_files(study)):
+        yield name, hashlib.sha256((folder / name).read_bytes()).hexdigest()
+    for component in system.components:
+        beside: Mapping[str, str] = component.source.get("files", {})
+        for file, digest in beside.items():
+            yield Path(os.path.relpath(file, folder)).as_posix(), digest
 
 
 def _version(name: str) -> str:
