@@ -93,6 +93,14 @@ def test_the_difference_uses_the_frequencies_that_both_curves_have():
     np.testing.assert_allclose(difference.y, 0, atol=1e-5)
 
 
+def test_wide_log_axes_label_few_enough_decades():
+    errors = 10.0 ** np.linspace(-8, 3, HZ.size)
+    figure = figures.transfer_function({"a": (1 + errors) * oscillator(), "b": oscillator()}, **pair(), reference="b")
+    assert figure.layout.yaxis3.dtick == 3, "eleven decades on the low plot"
+    modes = figures.mode_contributions([100.0, 200.0], {"x": [1.0, 1e-15]})
+    assert modes.layout.yaxis.dtick == 3
+
+
 def test_a_wrapping_phase_breaks_instead_of_drawing_a_vertical_line():
     delay = xr.DataArray(np.exp(-2j * np.pi * HZ * 0.01), dims=("frequency",), coords={"frequency": HZ})
     phase = figures.transfer_function({"delay": delay}).data[1].y

@@ -167,6 +167,8 @@ def test_embedded_json_reads_back():
         (106.99834, "106.998"),
         (0.0, "0"),
         (2.08e-5, "2.08e-5"),
+        (0.00014556, "0.0001456"),
+        (0.00210035, "0.0021"),
         (1e-9, "1e-9"),
         (-1.23456e-12, "-1.235e-12"),
         (1234567.0, "1234567"),
@@ -183,6 +185,11 @@ def test_cells_read_well(value, text):
 def test_columns_of_numbers_may_have_blanks():
     rows = (("a", 1.0, None, True), ("b", 2, 3.0, False))
     assert number_columns(Table("t", ("1", "2", "3", "4"), rows)) == [False, True, True, False]
+
+
+def test_an_approximate_zero_leaves_its_column_to_the_right():
+    rows = (("Rigid body 1", "~0", 1e-4, ""), ("Axial 1", 107.0, 107.001, 0.0021))
+    assert number_columns(Table("t", ("mode", "published", "coupled", "error"), rows)) == [False, True, True, True]
 
 
 def test_a_table_without_rows_is_shown_as_its_heading():

@@ -32,7 +32,7 @@ def _real_text(value: float, digits: int) -> str:
         return "∞" if value > 0 else "−∞"
     if value == 0:
         return "0"
-    if 1e-3 <= abs(value) < 1e7:
+    if 1e-4 <= abs(value) < 1e7:
         # an error of 0.0021 % needs no six digits, a frequency of 107.001 Hz does
         text = f"{value:.{digits if abs(value) >= 1 else min(digits, 4)}g}"
         return f"{value:.0f}" if "e" in text else text

@@ -23,6 +23,7 @@ from flexplant.report.figures import (
 from flexplant.study.line_of_sight import CASES, SPOT
 from flexplant.study.result import LineOfSightResult, StudyResult, TruthResult
 from flexplant.study.summary import length
+from flexplant.study.tables import modes_table, response_table
 
 HALF_POWER_DB = -3.0103
 
@@ -45,7 +46,7 @@ def _tiles(result: StudyResult) -> Iterator[Tile]:
     yield Tile("Checks", f"{len(checks.checks) - len(checks.failed)} of {len(checks.checks)}", "", "passed", checks.passed)
     yield Tile("Rigid-body modes", modes.n_rigid, "", f"{result.study.verification.rigid_body_modes} expected")
     if len(modes) > modes.n_rigid:
-        yield Tile("First flexible mode", f"{modes.frequency_hz[modes.n_rigid]:.1f}", "Hz")
+        yield Tile("First flexible mode", _hz(float(modes.frequency_hz[modes.n_rigid])), "Hz")
     if result.compared is not None:
         worst, limit = result.compared.worst_percent, result.study.verification.reference
         passed = None if limit is None else worst <= 100 * limit.limit
@@ -63,6 +64,10 @@ def _loop_tiles(loop: LineOfSightResult) -> Iterator[Tile]:
     yield Tile("Phase margin", round(f.phase_margin_deg, 2), "deg", "very small: stable only without any delay", False)
 
 
+def _hz(value: float) -> str:
+    return f"{value:.1f}" if value >= 100 else f"{value:.4g}"
+
+
 def _sections(result: StudyResult, view: StructureView | None) -> Iterator[Section]:
     yield Section("Modes", list(_mode_items(result, view)))
     yield Section("Transfer functions", list(_response_items(result)))
@@ -70,13 +75,16 @@ def _sections(result: StudyResult, view: StructureView | None) -> Iterator[Secti
         yield Section("Spot motion", list(_spot_items(result.line_of_sight)))
         yield Section("Control loop", list(_loop_items(result, result.line_of_sight)))
     yield Section("Checks of the coupled model", [result.checks])
-    yield Section("Checks of the components", [item for name, r in result.component_checks.items() for item in (f"Component {name}", r)])
+    yield Section(
+        "Checks of the components", [item for name, r in result.component_checks.items() for item in (f"Component {name}", r)]
+    )
 
 
 def _mode_items(result: StudyResult, view: StructureView | None) -> Iterator[Item]:
     if view is not None:
         yield view
     if result.compared is None:
+        yield modes_table(result.modes)
         return
     yield result.compared.table
     note = result.study.verification.reference.note if result.study.verification.reference is not None else ""
@@ -94,7 +102,13 @@ def _response_items(result: StudyResult) -> Iterator[Item]:
     if result.truth is not None:
         yield Plot(_truth_figure(result, result.truth), _truth_caption(result.truth))
         yield result.truth.table
+        yield (
+            "By band: the median of the local difference of the plant, then the largest difference over the band's highest "
+            "response: of the plant, of the plant without static correction, with its viscous damping, and from other components."
+        )
         return
+    if result.response["frequency"].size == 1:
+        yield response_table(result.response)
     outputs, inputs = (result.response[d].values for d in ("output", "input"))
     for output in outputs[: 6 if result.response["frequency"].size > 1 else 0]:
         curves = {str(result.plant.name): result.response}

@@ -50,12 +50,19 @@ def _reference(result: StudyResult, compared: Compared | None) -> str:
 
 def _plant(result: StudyResult) -> str:
     plant, damping = result.plant, result.study.damping
-    ratio = "the damping of the components" if damping is None else f"a damping ratio of {damping.ratio} on the {damping.on}"
+    own = "the damping of the components" if any(c.damping is not None for c in result.system.components) else "no damping"
+    ratio = own if damping is None else f"a damping ratio of {damping.ratio} on the {damping.on}"
     corrected = "with" if plant.static_correction is not None else "without"
+    limit = result.study.plant.max_frequency_hz
+    kept = "all modes kept" if limit is None else f"{corrected} static correction of the truncated modes"
     return (
-        f"Plant: {plant.n_modes} modes up to {plant.frequency_hz.max():.4g} Hz, {len(plant.inputs)} inputs, "
-        f"{len(plant.outputs)} outputs, {ratio}, {corrected} static correction of the truncated modes."
+        f"Plant: {plant.n_modes} modes up to {plant.frequency_hz.max():.4g} Hz, {_count(len(plant.inputs), 'input')}, "
+        f"{_count(len(plant.outputs), 'output')}, {ratio}, {kept}."
     )
+
+
+def _count(number: int, what: str) -> str:
+    return f"{number} {what}{'' if number == 1 else 's'}"
 
 
 def _truth(result: StudyResult) -> str:

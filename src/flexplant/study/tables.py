@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import numpy as np
+import xarray as xr
+
 from flexplant.model.component import Component
 from flexplant.modes import Modes
 from flexplant.verification import CheckReport, Table
@@ -20,6 +23,15 @@ def fixed_interface_table(component: Component, count: int = 20) -> Table:
     rows = tuple((i + 1, int(component.modal_ids[i]), float(hz[i])) for i in range(min(count, hz.size)))  # type: ignore[index]
     more = f", first {count} of {hz.size}" if hz.size > count else ""
     return Table(f"Fixed-interface modes of {component.name}{more}", ("mode", "id", "Hz"), rows)
+
+
+def response_table(response: xr.DataArray) -> Table:
+    """Magnitude and phase of every entry of a response at its first frequency."""
+    at = response.isel(frequency=0)
+    pairs = [(y, u, complex(at.sel(output=y, input=u))) for u in at["input"].values for y in at["output"].values]
+    rows = tuple((str(y), str(u), abs(value), float(np.degrees(np.angle(value)))) for y, u, value in pairs)
+    title = f"Response at {float(response['frequency'][0]):g} Hz"
+    return Table(title, ("output", "input", "magnitude, SI", "phase [deg]"), rows)
 
 
 def modes_table(modes: Modes, count: int = 40) -> Table:

@@ -92,7 +92,7 @@ def _table(
     hz: FloatArray,
     limit_hz: float,
 ) -> Table:
-    """Differences by band: median of |G - G_direct| over the local |G_direct|, then of each plant its largest over the band's peak."""
+    """Differences by band: median of |G - G_direct| over the local |G_direct|, then of each plant the largest over the peak."""
     edges = [float(hz[0]), *(limit_hz * b for b in BANDS), float(hz[-1])]
     others = [ours, bare, viscous] + ([] if second is None else [second])
     rows = []
@@ -108,10 +108,10 @@ def _table(
     columns = (
         "band [Hz]",
         "points",
-        "median of the local [%]",
-        "largest, of the band's peak [%]",
-        "without static correction [%]",
-        "with viscous damping [%]",
+        "local median [%]",
+        "of band's peak [%]",
+        "uncorrected [%]",
+        "viscous [%]",
         *(() if second is None else ("other components [%]",)),
     )
     return Table("Plant against the unreduced model", columns, tuple(rows))

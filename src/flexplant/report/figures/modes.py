@@ -41,7 +41,7 @@ def mode_contributions(
         for trace in stems:
             trace.update(name=plain(name), legendgroup=plain(name))
             trace.update(line_color=PALETTE[number % len(PALETTE)], marker_color=PALETTE[number % len(PALETTE)])
-        figure.add_traces(stems)
+        figure.add_traces(stems, rows=[1, 1], cols=[1, 1])
     figure.update_xaxes(nticks=3)  # modes often span one decade, where more would crowd
     decade_ticks(figure, row=1, most=6)
     annotate(figure, marks, log_y=True)

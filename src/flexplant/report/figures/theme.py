@@ -45,8 +45,11 @@ class Axis:
         """The plotly settings of this axis."""
         settings: dict[str, Any] = {"type": self.kind, "title": {"text": self.label, "standoff": 8}}
         if self.kind == "log":
-            # plotly draws powers a quarter larger than other ticks; with a tick format the sub-decade ticks read 20, 50 instead of a bare 2, 5
-            settings |= {"exponentformat": "power", "dtick": 1, "tickfont": {"size": 10.5}} if self.exponent else {"tickformat": "~g"}
+            # plotly draws powers a quarter larger than other ticks;
+            # with a tick format the sub-decade ticks read 20, 50 instead of a bare 2, 5
+            settings |= (
+                {"exponentformat": "power", "dtick": 1, "tickfont": {"size": 10.5}} if self.exponent else {"tickformat": "~g"}
+            )
         return settings
 
 
