@@ -76,3 +76,10 @@ def test_the_2_hz_response_is_that_of_nastran(result):
         ours = value * (1.0 if direction <= 3 else 1e-3)
         assert abs(ours.real - expected) < 1e-5 * largest
         assert abs(ours.imag) < 1e-12
+
+
+def test_the_report_shows_modes_and_the_response_where_nothing_is_compared(result):
+    page = result.files["report"].read_text(encoding="utf-8")
+    assert "Modes of the coupled system" in page
+    assert "Response at 2 Hz" in page
+    assert "1 input, 24 outputs, no damping, all modes kept" in page
