@@ -256,3 +256,14 @@ def test_ctrl_c_in_the_middle_of_the_demo_leaves_nothing(tmp_path):
     assert process.returncode == 130, said
     assert said.strip() == "flexplant: interrupted; nothing was written"
     assert not out.exists()
+
+
+def test_a_missing_folder_is_told_before_the_model_is_read(tmp_path):
+    told = refused("reduce", tmp_path / "no-model.npz", "--boundary", "1:123", "--modes", 2, "-o", tmp_path / "no" / "bus.npz")
+    assert "there is no folder" in told
+
+
+def test_a_mistake_before_the_first_step_prints_one_line_only(tmp_path):
+    result = call("run", tmp_path / "missing.yaml")
+    assert result.exit_code == 2
+    assert result.stderr.startswith("flexplant: "), "no empty line of a progress bar that never began"

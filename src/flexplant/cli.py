@@ -175,9 +175,11 @@ def reduce(
     from flexplant.io import read_model, write_component
     from flexplant.reduction import craig_bampton
     from flexplant.study.assemble import parse_boundary
+    from flexplant.study.outputs import require_folder_of
     from flexplant.study.tables import component_text
     from flexplant.verification import check_component
 
+    require_folder_of(output)
     options: dict[str, Any] = {} if geometry is None else {"geometry": geometry}
     full = read_model(model, format=format, units=units, **options)
     how: dict[str, Any] = {"max_frequency_hz": max_frequency, "n_modes": modes, "residual_vectors": ritz}

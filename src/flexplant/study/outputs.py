@@ -48,6 +48,12 @@ def _publish(file: Path, target: Path) -> None:
         raise WriteError(f"cannot write {target} ({error.strerror})") from None
 
 
+def require_folder_of(path: Path) -> None:
+    """Raise WriteError where the file's folder does not exist: before a long computation, not after it."""
+    if not path.parent.is_dir():
+        raise WriteError(f"cannot write {path}: there is no folder {path.parent}")
+
+
 def write_new(path: str | Path, text: str) -> Path:
     """Write a text file that must not exist yet; WriteError otherwise."""
     path = Path(path)
