@@ -4,6 +4,7 @@ import signal
 import subprocess
 import sys
 import time
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
@@ -251,8 +252,11 @@ def test_ctrl_c_in_the_middle_of_the_demo_leaves_nothing(tmp_path):
     while not list(out.glob(".partial-*")) and time.monotonic() < deadline:
         time.sleep(0.05)
     time.sleep(1.0)  # well inside the work
-    process.send_signal(signal.SIGINT)
-    _, said = process.communicate(timeout=60)
+    for _ in range(5):  # the interpreter drops an interrupt that arrives inside a finaliser
+        process.send_signal(signal.SIGINT)
+        with suppress(subprocess.TimeoutExpired):
+            _, said = process.communicate(timeout=6)
+            break
     assert process.returncode == 130, said
     assert said.strip() == "flexplant: interrupted; nothing was written"
     assert not out.exists()

@@ -15,7 +15,7 @@ from typing import Any
 import flexplant.io.write
 from flexplant.errors import InputError, ReadError, nearest
 from flexplant.io.formats import Writer
-from flexplant.io.parse.files import checked_file, read_head
+from flexplant.io.parse.files import as_path, checked_file, read_head
 from flexplant.io.parse.h5 import SIGNATURE, read_h5
 from flexplant.io.parse.mat5 import read_mat
 from flexplant.io.parse.npz import looks_like_npz, read_npz
@@ -34,7 +34,7 @@ def writers() -> dict[str, Writer]:
 
 
 def _write(what: str, value: Any, path: str | Path, options: dict[str, Any]) -> Path:
-    path = Path(path)
+    path = as_path(path)
     able = {suffix: w for w in writers().values() if what in w.writers for suffix in w.suffixes}
     if path.suffix.lower() not in able:
         raise InputError(f"{what}: {path.name!r} has none of the endings {', '.join(able)}, which choose the format")

@@ -19,7 +19,7 @@ import flexplant.io.read
 from flexplant.errors import InputError, ModelError, ReadError, nearest
 from flexplant.io.formats import Format
 from flexplant.io.parse.display import DisplayMesh
-from flexplant.io.parse.files import checked_file, exists, one_line, read_head
+from flexplant.io.parse.files import as_path, checked_file, exists, one_line, read_head
 from flexplant.model.component import Component, FiniteElementModel
 from flexplant.model.damping import DampingRatio, with_modal_damping
 from flexplant.model.units import UnitSystem, component_to_si, model_to_si, unit_system
@@ -38,7 +38,7 @@ def formats() -> dict[str, Format]:
 
 def _resolved(path: str | Path, able: list[Format]) -> Path:
     """The path; or, for a stem without ending such as "outboard", the one file beside it with an ending of these formats."""
-    path = Path(path)
+    path = as_path(path)
     if path.name and not exists(path):
         endings = dict.fromkeys(ending for f in able for ending in f.suffixes)
         found = [p for p in (path.with_name(path.name + ending) for ending in endings) if p.is_file()]

@@ -13,6 +13,7 @@ from ruamel.yaml.error import MarkedYAMLError, YAMLError
 from ruamel.yaml.nodes import MappingNode, Node, ScalarNode, SequenceNode
 
 from flexplant.errors import StudyError, nearest
+from flexplant.io.parse.files import as_path
 from flexplant.study.schema import StudySpec
 
 MAX_BYTES, MAX_VALUES = 1_000_000, 50_000  # a study is small; this stops alias bombs and wrong files
@@ -26,7 +27,7 @@ def load_study(path: str | Path, *, allow_outside: bool = False) -> StudySpec:
     Files that it names must exist in the study's folder, or anywhere with `allow_outside`. Raises StudyError with one line a
     problem: the file, the line, the key, what is wrong and what is allowed.
     """
-    path = Path(path)
+    path = as_path(path)
     data, lines = _read_yaml(path)
     if not isinstance(data, dict):
         raise StudyError(f"{path}: a study file has keys such as title, components, plant; 'flexplant new' writes one")

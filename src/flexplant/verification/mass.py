@@ -6,6 +6,7 @@ from functools import singledispatch
 from typing import NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 
 from flexplant.assembly import System, component_rigid_body, system_rigid_body
 from flexplant.errors import InputError
@@ -28,7 +29,7 @@ class MassProperties(NamedTuple):
 
 
 def from_rigid_mass(rigid: FloatArray) -> MassProperties:
-    """Mass properties from the (6, 6) rigid-body mass R^T M R about the origin.
+    """Mass properties from the (6, 6) rigid-body mass R^T M R; the centre of gravity is relative to its reference point.
 
     M_RR = [[m I, -m [c]x], [m [c]x, J_0]], J_cg = J_0 + m [c]x [c]x.
     """
@@ -45,28 +46,28 @@ def from_rigid_mass(rigid: FloatArray) -> MassProperties:
 
 
 @singledispatch
-def rigid_mass(model: object) -> FloatArray:
-    """(6, 6) rigid-body mass R^T M R about the origin of the basic (or system) frame."""
+def rigid_mass(model: object, about: npt.ArrayLike = (0.0, 0.0, 0.0)) -> FloatArray:  # noqa: ARG001
+    """(6, 6) rigid-body mass R^T M R about a point of the basic (or system) frame."""
     raise InputError(f"mass properties need a Component, System or FiniteElementModel, got {type(model).__name__}")
 
 
 @rigid_mass.register
-def _(model: Component) -> FloatArray:
-    motion = component_rigid_body(model)
+def _(model: Component, about: npt.ArrayLike = (0.0, 0.0, 0.0)) -> FloatArray:
+    motion = component_rigid_body(model, about=about)
     return np.asarray(motion.T @ (model.mass @ motion))
 
 
 @rigid_mass.register
-def _(model: System) -> FloatArray:
-    motion = system_rigid_body(model)
+def _(model: System, about: npt.ArrayLike = (0.0, 0.0, 0.0)) -> FloatArray:
+    motion = system_rigid_body(model, about)
     return np.asarray(motion.T @ (model.uncoupled_mass @ motion))
 
 
 @rigid_mass.register
-def _(model: FiniteElementModel) -> FloatArray:
+def _(model: FiniteElementModel, about: npt.ArrayLike = (0.0, 0.0, 0.0)) -> FloatArray:
     if model.nodes is None:
         raise InputError(f"model {model.name!r} has no node positions, so its mass properties are unknown")
-    motion = rigid_body_vectors(model.nodes, model.dofs)
+    motion = rigid_body_vectors(model.nodes, model.dofs, about=about)
     return np.asarray(motion.T @ (model.mass @ motion))
 
 
@@ -74,9 +75,12 @@ def mass_properties(model: Component | System | FiniteElementModel) -> MassPrope
     """Mass, centre of gravity and inertia about it, from R^T M R.
 
     Raises InputError where node positions are unknown or the model has no mass. Nastran prints inertia products I(S)
-    with the opposite sign to the tensor's off-diagonals.
+    with the opposite sign to the tensor's off-diagonals. The inertia is taken about the centre itself, so that a model far
+    from its origin loses no digits.
     """
-    return from_rigid_mass(rigid_mass(model))
+    near = from_rigid_mass(rigid_mass(model)).center_of_gravity
+    there = from_rigid_mass(rigid_mass(model, near))
+    return there._replace(center_of_gravity=near + there.center_of_gravity)
 
 
 def combined(parts: list[tuple[MassProperties, Placement]]) -> MassProperties:

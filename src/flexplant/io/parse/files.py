@@ -6,14 +6,22 @@ import hashlib
 from pathlib import Path
 from typing import Any
 
-from flexplant.errors import ReadError
+from flexplant.errors import InputError, ReadError
 
 HEAD_BYTES = 4096  # what a format's sniff function sees
 
 
+def as_path(path: str | Path) -> Path:
+    """The path; InputError for what is no path at all."""
+    try:
+        return Path(path)
+    except TypeError:
+        raise InputError(f"a file's path is needed, text or pathlib.Path, got {type(path).__name__}") from None
+
+
 def checked_file(path: str | Path) -> Path:
     """The path of an existing, non-empty, readable file; ReadError otherwise."""
-    path = Path(path)
+    path = as_path(path)
     if not exists(path):
         raise ReadError(path, "no such file" + _beside(path))
     if path.is_dir():
