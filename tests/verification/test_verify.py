@@ -238,6 +238,7 @@ def test_the_report_reads_as_a_table_and_raises_with_every_failure():
     assert set(lines[1]) == {"-"}
     assert "FAILED" in text
     assert "Mass properties, SI" in text
+    assert all(head in text for head in ("mass [kg]", "x [m]", "Izx [kg m^2]"))
     assert not report.passed
     with pytest.raises(CheckFailedError, match=r"1 of \d+ checks failed:\n  rigid-body modes: 7"):
         report.raise_if_failed()

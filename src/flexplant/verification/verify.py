@@ -72,7 +72,7 @@ def check_component(component: Component) -> CheckReport:
         checks.append(_energy_check(component))
         properties = mass_properties(component)
         checks.append(_isotropy(component.name, properties))
-        tables.append(Table("Mass properties", MASS_COLUMNS, (_mass_row(component.name, properties),)))
+        tables.append(Table("Mass properties", _mass_columns(component.units), (_mass_row(component.name, properties),)))
     else:
         notes.append("no node positions: rigid-body energy and mass properties are not checked")
     return CheckReport(tuple(checks), tuple(tables), tuple(notes))
@@ -165,8 +165,14 @@ def _compatibility(system: System) -> Iterator[Check]:
             yield Check(f"{r.connection.name}: compatible sides", len(broken), 0, not broken, "directions", text)
 
 
-MASS_COLUMNS = ("part", "mass", "x", "y", "z", "Ixx", "Iyy", "Izz", "Ixy", "Iyz", "Izx")
+MASS_COLUMNS = (("part", ""), ("mass", "kg"), *((c, "m") for c in "xyz"))
+INERTIA_COLUMNS = tuple((f"I{pair}", "kg m^2") for pair in ("xx", "yy", "zz", "xy", "yz", "zx"))
 INERTIA_ENTRIES = ((0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (2, 0))
+
+
+def _mass_columns(units: str) -> tuple[str, ...]:
+    """Column heads, with their SI unit; other unit systems have no names for theirs."""
+    return tuple(f"{name} [{unit}]" if unit and units == "SI" else name for name, unit in (*MASS_COLUMNS, *INERTIA_COLUMNS))
 
 
 def _mass_row(name: str, p: MassProperties) -> tuple[object, ...]:
@@ -177,9 +183,8 @@ def _mass_table(system: System) -> Table:
     rows = [_mass_row(c.name, mass_properties(c)) for c in system.components]
     rows.append(_mass_row("system", mass_properties(system)))
     units = system.components[0].units
-    return Table(
-        f"Mass properties, {units} (components in their own frame; inertia about the centres)", MASS_COLUMNS, tuple(rows)
-    )
+    title = f"Mass properties, {units} (components in their own frame; inertia about the centres)"
+    return Table(title, _mass_columns(units), tuple(rows))
 
 
 def _reference_checks(comparison: Any, frequency_tolerance: float, mac_minimum: float) -> Iterator[Check]:
