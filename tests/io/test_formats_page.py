@@ -15,14 +15,14 @@ from flexplant.model.component import FiniteElementModel
 from flexplant.model.geometry import Nodes
 from flexplant.plant.modal import ModalPlant
 
-PAGE = Path(__file__).parents[2] / "docs" / "formats.md"
+ROOT = Path(__file__).parents[2]
 PLANT = ModalPlant(omega=[0.0, 9.0], zeta=0.01, shape_in=np.ones((2, 1)), shape_out=np.ones((1, 2)), inputs=["f"], outputs=["y"])
 
 
-def test_the_page_has_the_current_table() -> None:
-    """When this fails: python -c "from flexplant.io.format_table import update; update('docs/formats.md')"."""
-    text = PAGE.read_text(encoding="utf-8")
-    assert markdown() in text
+@pytest.mark.parametrize("page", ["README.md", "docs/formats.md"])
+def test_the_pages_have_the_current_table(page: str) -> None:
+    """When this fails: python -c "from flexplant.io.format_table import update; update('README.md'); update('docs/formats.md')"."""
+    assert markdown() in (ROOT / page).read_text(encoding="utf-8")
 
 
 def test_inspecting_a_superelement() -> None:
