@@ -21,7 +21,7 @@ PLANT = ModalPlant(omega=[0.0, 9.0], zeta=0.01, shape_in=np.ones((2, 1)), shape_
 
 @pytest.mark.parametrize("page", ["README.md", "docs/formats.md"])
 def test_the_pages_have_the_current_table(page: str) -> None:
-    """When this fails: python -c "from flexplant.io.format_table import update; update('README.md'); update('docs/formats.md')"."""
+    """When this fails: python -c "from flexplant.io.format_table import update; update('README.md')", and so for the docs."""
     assert markdown() in (ROOT / page).read_text(encoding="utf-8")
 
 
