@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from structures import chain, random_rotation, whole_component
 
 from flexplant.model.arrays import checked_symmetric
-from flexplant.model.component import Component
+from flexplant.model.component import Component, FiniteElementModel
 from flexplant.model.damping import with_modal_damping
 from flexplant.model.dofs import DofSet, expand_directions
 from flexplant.model.geometry import Nodes, Placement, check_rotation, cross_matrix, cylindrical_frame, rigid_body_vectors
@@ -145,7 +145,7 @@ def test_units_change_numbers_and_no_physics(name):
     rows = np.random.default_rng(0).normal(size=(2, si.n))
     old = Component(
         name="whole",
-        mass=d[:, None] * si.mass * d / energy,
+        mass=d[:, None] * si.mass * d / (energy * units.mass_factor),
         stiffness=d[:, None] * si.stiffness * d / energy,
         damping=d[:, None] * np.eye(si.n) * d / energy,
         boundary=si.boundary,
@@ -162,6 +162,35 @@ def test_units_change_numbers_and_no_physics(name):
     assert mass_properties(back).mass == pytest.approx(mass_properties(si).mass)
     model = model_to_si(chain(), "SI")
     np.testing.assert_array_equal(model.stiffness, chain().stiffness)
+
+
+def test_mass_written_as_weight_gives_the_same_model():
+    """One structure, once with mass in slinch, once with weight in lbf and modes normalised to that: g = 386.0886 in/s^2."""
+    g = 386.0886
+    rng = np.random.default_rng(3)
+    half = rng.normal(size=(5, 5))
+    mass, stiffness = half @ half.T + 5 * np.eye(5), np.diag([2e5, 3e5, 1e5, 4e6, 9e6])
+    mass[3:, 3:] = np.eye(2)
+    dashpots = np.diag([3.0, 0.0, 1.0, 0.0, 0.0])
+    boundary = [(1, 1), (1, 2), (1, 6)]
+    slinch = Component(name="b", mass=mass, stiffness=stiffness, damping=dashpots, boundary=boundary)
+    q = np.r_[1.0, 1.0, 1.0, np.full(2, 1 / np.sqrt(g))]  # modal coordinates with unit weight instead of unit mass
+    weight = Component(
+        name="b", mass=q[:, None] * mass * g * q, stiffness=q[:, None] * stiffness * q, damping=dashpots, boundary=boundary
+    )
+    one, other = component_to_si(slinch, "inch-slinch-s"), component_to_si(weight, "inch-lbf")
+    for kind in ("mass", "stiffness", "damping"):
+        np.testing.assert_allclose(getattr(other, kind), getattr(one, kind), rtol=1e-7, err_msg=kind)
+    np.testing.assert_allclose(other.mass[3:, 3:], np.eye(2), atol=1e-12)
+    pound = FiniteElementModel(name="m", mass=np.eye(3), stiffness=np.eye(3), dofs=[(1, "123")])
+    assert model_to_si(pound, "inch-lbf").mass[0, 0] == pytest.approx(0.45359237, rel=1e-12)  # the international pound
+    assert model_to_si(pound, "inch-lbf").stiffness[0, 0] == pytest.approx(4.4482216152605 / 0.0254, rel=1e-12)
+
+
+def test_the_presets_that_are_documented_exist():
+    assert {"SI", "mm-tonne-s", "mm-kg-s", "inch-slinch-s", "inch-lbf", "ft-slug-s"} == set(UNIT_SYSTEMS)
+    assert UNIT_SYSTEMS["inch-lbf"].force == pytest.approx(4.4482216152605)
+    assert unit_system("inch-lbf").mass_factor == pytest.approx(1 / 386.0886, rel=1e-7)
 
 
 def test_unit_conversion_keeps_modal_coordinates_normal():

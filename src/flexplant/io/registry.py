@@ -22,7 +22,7 @@ from flexplant.io.parse.display import DisplayMesh
 from flexplant.io.parse.files import as_path, checked_file, exists, one_line, read_head
 from flexplant.model.component import Component, FiniteElementModel
 from flexplant.model.damping import DampingRatio, with_modal_damping
-from flexplant.model.units import UnitSystem, component_to_si, model_to_si, unit_system
+from flexplant.model.units import SI, UnitSystem, component_to_si, model_to_si, unit_system
 
 Units = str | UnitSystem | tuple[float, float]
 
@@ -92,7 +92,7 @@ def _unit_choice(stated: Any, asked: Units | None, path: str | Path) -> UnitSyst
     except (InputError, TypeError, ValueError) as error:
         raise ReadError(path, f"units: {error}") from None
     given = None if asked is None else unit_system(asked)
-    if own and given and (own.length, own.mass) != (given.length, given.mass):
+    if own and given and replace(own, name=given.name) != given:
         raise ReadError(path, f"the file says its units are {own.name!r}, the argument units says {given.name!r}")
     return own or given
 
@@ -104,7 +104,7 @@ def _labelled(model: Any, chosen: UnitSystem | None) -> Any:
 
 def _component_in_si(component: Component, units: UnitSystem) -> Component:
     """Converted, the rows of the recovery "display" (translations) included."""
-    if (units.length, units.mass) == (1.0, 1.0):
+    if replace(units, name=SI.name) == SI:
         return component
     converted = component_to_si(component, units)
     display = converted.recovery.get("display")

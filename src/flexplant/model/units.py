@@ -17,11 +17,16 @@ from flexplant.model.recovery import Recovery
 
 @dataclass(frozen=True)
 class UnitSystem:
-    """A consistent mechanical unit system: one unit of length in metres, of mass in kilograms; time is the second."""
+    """A consistent mechanical unit system: one unit of length in metres, of mass in kilograms; time is the second.
+
+    mass_factor: the file's mass numbers are multiplied by this to be in the unit of mass, as by Nastran's PARAM,WTMASS:
+    1 / g where mass is written as weight. Stiffness and damping are in consistent units all the same.
+    """
 
     name: str
     length: float
     mass: float
+    mass_factor: float = 1.0
 
     @property
     def force(self) -> float:
@@ -29,7 +34,7 @@ class UnitSystem:
         return self.mass * self.length
 
 
-INCH, POUND_FORCE = 0.0254, 4.4482216152605
+INCH, POUND_FORCE, GRAVITY = 0.0254, 4.4482216152605, 9.80665
 SI = UnitSystem("SI", 1.0, 1.0)
 UNIT_SYSTEMS = {
     u.name: u
@@ -38,13 +43,17 @@ UNIT_SYSTEMS = {
         UnitSystem("mm-tonne-s", 1e-3, 1e3),
         UnitSystem("mm-kg-s", 1e-3, 1.0),
         UnitSystem("inch-slinch-s", INCH, POUND_FORCE / INCH),
+        UnitSystem("inch-lbf", INCH, POUND_FORCE / INCH, mass_factor=INCH / GRAVITY),  # mass as weight: g = 386.0886 in/s^2
         UnitSystem("ft-slug-s", 0.3048, POUND_FORCE / 0.3048),
     )
 }
 
 
 def unit_system(units: str | UnitSystem | tuple[float, float]) -> UnitSystem:
-    """A preset by name, or (length in m, mass in kg); InputError names the presets."""
+    """A preset by name, or (length in m, mass in kg); InputError names the presets.
+
+    "inch-lbf": inch, pound-force, second, with mass written as weight in lbf (density in lbf/in^3, no PARAM,WTMASS in the run).
+    """
     if isinstance(units, UnitSystem):
         return units
     if isinstance(units, str):
@@ -59,10 +68,10 @@ def unit_system(units: str | UnitSystem | tuple[float, float]) -> UnitSystem:
 
 
 def _old_per_si(dofs: DofSet, units: UnitSystem) -> FloatArray:
-    """d with u_old = d * u_SI: translations 1/L, rotations 1, modal coordinates 1/(sqrt(M) L)."""
+    """d with u_old = d * u_SI: translations 1/L, rotations 1, modal coordinates 1/(sqrt(M f) L), f the factor of mass."""
     scale = np.ones(len(dofs))
     scale[(dofs.direction >= 1) & (dofs.direction <= 3)] = 1 / units.length
-    scale[dofs.direction == 0] = 1 / (np.sqrt(units.mass) * units.length)
+    scale[dofs.direction == 0] = 1 / (np.sqrt(units.mass * units.mass_factor) * units.length)
     return scale
 
 
@@ -95,13 +104,14 @@ def _recovery_to_si(recovery: Recovery, d: FloatArray) -> Recovery:
 def component_to_si(component: Component, units: str | UnitSystem | tuple[float, float]) -> Component:
     """The component converted to SI: energy scales by M L^2, so Mqq = I and frequencies stay as they are.
 
+    Mass written as weight ("inch-lbf") is divided by g: all frequencies, those of Kqq too, are then sqrt(g) times the file's.
     Recovery rows keep the file's own row units (a stress row cannot be told from a displacement row).
     """
     system = unit_system(units)
     d, energy = _old_per_si(component.dofs, system), system.mass * system.length**2
     return replace(
         component,
-        mass=_scaled(component.mass, d, energy),
+        mass=_scaled(component.mass, d, energy * system.mass_factor),
         stiffness=_scaled(component.stiffness, d, energy),
         damping=_scaled(component.damping, d, energy),
         nodes=_nodes_to_si(component.nodes, system),
@@ -116,7 +126,7 @@ def model_to_si(model: FiniteElementModel, units: str | UnitSystem | tuple[float
     d, energy = _old_per_si(model.dofs, system), system.mass * system.length**2
     return replace(
         model,
-        mass=_scaled(model.mass, d, energy),
+        mass=_scaled(model.mass, d, energy * system.mass_factor),
         stiffness=_scaled(model.stiffness, d, energy),
         damping=_scaled(model.damping, d, energy),
         nodes=_nodes_to_si(model.nodes, system),

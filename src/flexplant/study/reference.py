@@ -15,7 +15,7 @@ title: My structure
 components:                       # name: its file and what the file does not say
   bus:
     file: bus.op4                 # Nastran .op4 + .asm + .pch, MYSTRAN .OU1, .npz, .mat, .h5 ...
-    units: SI                     # or mm-tonne-s, mm-kg-s, inch-slinch-s, ft-slug-s, {length_m: 1.0e-3, mass_kg: 1.0}
+    units: SI                     # or mm-tonne-s, mm-kg-s, inch-slinch-s, inch-lbf, ft-slug-s, {length_m: 1.0e-3, mass_kg: 1.0}
   optic:
     file: optic.op4
     units: SI
