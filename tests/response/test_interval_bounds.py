@@ -1,0 +1,153 @@
+"""Interval bounds: they bound what they say, and the norm they certify is the Hamiltonian one, also in the hard cases."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from flexplant.plant.modal import ModalPlant
+from flexplant.plant.state_space import state_space
+from flexplant.response import modal_bound
+from flexplant.response.frequency import frequency_response
+from flexplant.response.interval_bound import Bracket, bracket
+from flexplant.response.modal_bound import ModalAxis
+from flexplant.response.norms import _norm, hinf_norm, singular_values
+from flexplant.response.singular import stacked_singular_values
+
+KINDS = ("shape_out", "shape_out_velocity", "shape_out_acceleration")
+
+
+def modal(n=8, *, zeta=0.01, seed=0, kinds=("shape_out",), size=(2, 3)) -> ModalPlant:
+    rng = np.random.default_rng(seed)
+    shapes = {kind: rng.normal(size=(size[0], n)) for kind in kinds}
+    return ModalPlant(
+        omega=np.sort(rng.uniform(5, 500, n)),
+        zeta=zeta,
+        shape_in=rng.normal(size=(n, size[1])),
+        **shapes,
+        inputs=[f"u{k}" for k in range(size[1])],
+        outputs=[f"y{k}" for k in range(size[0])],
+    )
+
+
+def one(omega, zeta, out, **more) -> ModalPlant:
+    n = len(omega)
+    return ModalPlant(
+        omega=omega, zeta=zeta, shape_in=np.ones((n, 1)), shape_out=np.atleast_2d(out), inputs=["f"], outputs=["x"], **more
+    )
+
+
+@pytest.mark.parametrize("zeta", [1e-3, 0.1, 0.9, 1.0, 2.5])
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("high", [False, True])
+def test_the_curvature_bound_holds_and_is_not_wasteful(zeta, kind, high):
+    """Second differences of the response inside random intervals, one mode: below the bound, and within ten times of it."""
+    plant = modal(1, zeta=zeta, kinds=(kind,))
+    axis = ModalAxis(plant, 2 * plant.omega[0], high)
+    rng = np.random.default_rng(1)
+    scale = axis.points[-1]
+    a = np.sort(np.r_[rng.uniform(0, scale, 40), axis.points[1] * (1 + zeta * rng.normal(size=40))])
+    a = a[(a > 0) & (a < scale)]
+    length = 10 ** rng.uniform(-3, -1, a.size) * axis._tables["first"][0]
+    bound, _ = axis.curvatures(a, a + length)
+    step = 1e-3 * axis._tables["first"][0]
+    for fraction in np.linspace(0, 1, 7):
+        t = a + fraction * length
+        second = sum(axis.responses(t + k * step) * c for k, c in ((-1, 1), (0, -2), (1, 1))) / step**2
+        size = np.linalg.norm(second, axis=(0, 1))
+        assert (size <= bound * (1 + 1e-3) + 1e-6 * bound.max()).all()
+    # a displacement near its resonance: nothing else is far away to be overestimated
+    if kind == "shape_out" and not high and zeta < 0.01:
+        at = np.array([plant.omega[0]])
+        found = sum(axis.responses(at + k * step) * c for k, c in ((-1, 1), (0, -2), (1, 1))) / step**2
+        assert axis.curvatures(at, at)[0] < 10 * np.linalg.norm(found)
+
+
+@pytest.mark.parametrize("high", [False, True])
+def test_compiled_and_numpy_curvatures_agree(high):
+    plant = modal(30, zeta=np.linspace(0.001, 1.5, 30), kinds=KINDS)
+    t = ModalAxis(plant, 1000.0, high)._tables
+    a = np.linspace(0, 0.8, 50) * (1e-3 if high else 1000.0)
+    b = a * 1.2
+    found = [(np.zeros(50), np.zeros(50, dtype=np.int64)) for _ in range(2)]
+    for function, (bound, pole) in zip((modal_bound.curvature, modal_bound._curvature_numpy), found, strict=True):
+        function(a, b, t["place"], t["first"], t["second"], t["constant"], t["rate"], high, bound, pole)
+    assert np.allclose(found[0][0], found[1][0], rtol=1e-12)
+    assert (found[0][1] == found[1][1]).all()
+
+
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("zeta", [1e-6, 1e-3, 0.05, 0.6, 1.0, 3.0])
+@pytest.mark.parametrize("kinds", [("shape_out",), ("shape_out_velocity",), ("shape_out_acceleration",), KINDS])
+def test_certified_norm_is_the_hamiltonian_one(seed, zeta, kinds):
+    plant = modal(10, zeta=zeta, seed=seed, kinds=kinds)
+    found, hamiltonian = hinf_norm(plant), _norm(state_space(plant), 1e-9)
+    assert found.value == pytest.approx(hamiltonian.value, rel=1e-8)
+    assert found.lower <= found.upper <= found.lower * (1 + 1.1e-7)
+    assert hamiltonian.value <= found.upper * (1 + 1e-12)
+    assert found.certificate.startswith("interval bounds")
+
+
+def test_two_nearly_equal_peaks():
+    """Peaks 1e-7 apart in height and a decade apart in frequency: the higher one wins, whichever it is."""
+    for sign in (1, -1):
+        ratio = 100 * (1 + sign * 1e-7)  # peak of a light mode is 1 / (2 zeta omega^2)
+        plant = one([10.0, 100.0], 1e-4, [1.0, ratio])
+        found = hinf_norm(plant, tolerance=1e-10)
+        fine = plant.omega[:, None] / (2 * np.pi) * (1 + np.linspace(-1e-5, 1e-5, 2001))
+        peaks = [float(abs(frequency_response(plant, hz).values).max()) for hz in fine]
+        assert found.value == pytest.approx(max(peaks), rel=1e-9)
+        assert found.frequency_hz == pytest.approx(plant.frequency_hz[int(np.argmax(peaks))], rel=1e-6)
+        assert found.upper <= found.lower * (1 + 1e-9)
+
+
+def test_static_maximum_repeated_modes_and_a_sharp_peak_beside_a_flat_one():
+    static = hinf_norm(one([10.0], 0.9, [1.0]))
+    assert (static.value, static.frequency_hz) == (pytest.approx(0.01, rel=1e-12), 0.0)
+    single, twice = hinf_norm(one([10.0], 0.01, [2.0])), hinf_norm(one([10.0, 10.0], 0.01, [1.0, 1.0]))
+    assert twice.value == pytest.approx(single.value, rel=1e-12)
+    cancelled = hinf_norm(one([10.0, 10.0, 20.0], 0.01, [1.0, -1.0, 1e-3]))
+    assert cancelled.value == pytest.approx(hinf_norm(one([20.0], 0.01, [1e-3])).value, rel=1e-8)
+    needle = hinf_norm(one([10.0, 77.7], [0.5, 1e-7], [1.0, 1e-4]))
+    assert needle.frequency_hz == pytest.approx(77.7 / (2 * np.pi), rel=1e-6)
+    assert needle.value == pytest.approx(1e-4 / (2e-7 * 77.7**2), rel=1e-3)
+
+
+def test_the_top_at_infinite_frequency():
+    plant = one([10.0], 2.0, np.zeros((1, 1)), shape_out_acceleration=[[1.0]])
+    found = hinf_norm(plant)
+    assert found.value == pytest.approx(1.0, rel=1e-12)
+    assert found.frequency_hz == np.inf
+
+
+def test_thousands_of_states():
+    plant = modal(1500, zeta=0.002, kinds=("shape_out_acceleration",), size=(6, 6))
+    found = hinf_norm(plant)
+    hz = np.unique(np.r_[plant.frequency_hz, np.linspace(0.1, 120, 20_001)])
+    assert float(singular_values(plant, hz).max()) <= found.upper
+    assert found.upper <= found.lower * (1 + 1.1e-7)
+    assert float(singular_values(plant, [found.frequency_hz]).max()) == pytest.approx(found.value, rel=1e-9)
+
+
+def test_a_spent_budget_still_gives_a_bracket():
+    plant = modal(40, zeta=1e-3)
+    axes = [ModalAxis(plant, 2 * plant.omega[-1], high) for high in (False, True)]
+    found = bracket(axes, Bracket(0.0, 0.0, 0, 0.0), 1e-9, budget=10)
+    exact = hinf_norm(plant)
+    assert found.lower <= exact.value <= found.upper
+    assert found.upper > found.lower * (1 + 1e-9)
+
+
+@pytest.mark.parametrize("shape", [(1, 4), (4, 1), (2, 2), (2, 5), (5, 2), (3, 3), (6, 6)])
+def test_singular_values_in_closed_form_are_lapacks(shape):
+    rng = np.random.default_rng(0)
+    G = rng.normal(size=(*shape, 200)) + 1j * rng.normal(size=(*shape, 200))
+    G[:, :, 0] = 0
+    G[:, :, 1] = 1.0  # rank one
+    G[:, 0, 2] = 0
+    G[:, :, 3:50] *= 10.0 ** rng.integers(-100, 100, 47)
+    G[0, :, 50:60] *= 1e-9
+    expected = np.linalg.svd(G.transpose(2, 0, 1), compute_uv=False)
+    found = stacked_singular_values(G)
+    assert found.shape == expected.shape
+    assert (abs(found - expected) <= 1e-14 * expected[:, :1]).all()
