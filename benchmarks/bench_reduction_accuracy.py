@@ -28,6 +28,7 @@ FAMILIES = {
     "classic": [partial(craig_bampton, n_modes=n) for n in (60, 100, 160, 250, 360)],
     "Rubin": [partial(rubin, n_modes=n) for n in (60, 100, 160, 250)],
     "80 modes + k blocks": [partial(craig_bampton, n_modes=80, residual_vectors=k) for k in (0, 1, 2, 3)],
+    "size=": [partial(craig_bampton, size=n, max_frequency_hz=300) for n in (80, 100, 125, 150, 176)],
     "accuracy=": [partial(craig_bampton, accuracy=a, max_frequency_hz=300) for a in (1e-3, 1e-4, 1e-5, 1e-6, 1e-7)],
 }
 
@@ -57,7 +58,7 @@ def plot(results: dict[str, list[tuple[int, float]]], path: str) -> None:
     import matplotlib.pyplot as plt
 
     figure, axes = plt.subplots(figsize=(7, 4.2), layout="constrained")
-    for (name, points), marker in zip(results.items(), "osD^", strict=True):
+    for (name, points), marker in zip(results.items(), "osD^v", strict=True):
         axes.semilogy(*zip(*points, strict=True), marker=marker, label=name)
     axes.set(xlabel="generalised coordinates of the bus", ylabel="worst relative frequency error below 300 Hz")
     axes.grid(visible=True, alpha=0.3)

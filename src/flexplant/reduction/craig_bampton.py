@@ -12,7 +12,8 @@ from flexplant.model.component import FiniteElementModel
 from flexplant.model.damping import DampingRatio, with_modal_damping
 from flexplant.model.dofs import DofSet
 from flexplant.numerics.lanczos import Progress
-from flexplant.reduction.accuracy import chosen_for
+from flexplant.reduction.accuracy import best_of_size, chosen_for
+from flexplant.reduction.budget import Drawn
 from flexplant.reduction.component import basis_bytes, hcb_component
 from flexplant.reduction.interior import Interior, fixed_interface
 from flexplant.reduction.partition import Partition
@@ -27,6 +28,7 @@ def craig_bampton(
     n_modes: int | None = None,
     residual_vectors: int = 0,
     accuracy: float | None = None,
+    size: int | None = None,
     loads: Iterable[tuple[int, int | str]] = (),
     damping_ratio: DampingRatio | None = None,
     structural_damping: Matrix | None = None,
@@ -46,6 +48,8 @@ def craig_bampton(
 
     accuracy: instead of n_modes and residual_vectors, the relative error that no frequency up to `max_frequency_hz` of any
     system containing the component shall exceed because of its basis; what was chosen and verified is in `.report`.
+    size: instead of these, the number of q that may be spent: the exact modes up to a little above `max_frequency_hz` and
+    the vectors that the worst boundary motions below it need most, drawn from a larger basis; the report states the bound.
     loads: interior DOF where forces will act; their static answers, and further blocks of them, join the residual vectors.
     damping_ratio: modal damping of q (equation 4); without it a physical damping matrix of the model is projected.
     structural_damping: (n, n) matrix D of a complex stiffness K + i D, projected into `.structural_damping`.
@@ -57,7 +61,8 @@ def craig_bampton(
     memory is too small or the accuracy is out of reach, InputError for impossible numbers.
     Sources: Craig and Bampton 1968; Wilson, Yuan and Dickens 1982; Craig and Hale 1988.
     """
-    _check_request(max_frequency_hz, n_modes, residual_vectors, accuracy)
+    _check_request(max_frequency_hz, n_modes, residual_vectors)
+    _check_choice(max_frequency_hz, n_modes, residual_vectors, accuracy, size)
     if not isinstance(model, FiniteElementModel):
         raise InputError(f"craig_bampton reduces a FiniteElementModel, got {type(model).__name__}")
     part = Partition.of(model, boundary, threads=threads, memory_limit=memory_limit)
@@ -65,6 +70,8 @@ def craig_bampton(
     verified = None
     if accuracy is not None and max_frequency_hz is not None and part.i.size:
         interior, verified = chosen_for(part, accuracy, max_frequency_hz, forces, progress)
+    elif size is not None and max_frequency_hz is not None and part.i.size:
+        interior, verified = best_of_size(part, size, max_frequency_hz, forces, progress)
     else:
         interior = fixed_interface(part, max_frequency_hz=max_frequency_hz, n_modes=n_modes, loads=forces, progress=progress)
         for _ in range(max(residual_vectors, 1 if forces.shape[1] else 0) if part.i.size else 0):
@@ -80,7 +87,7 @@ def craig_bampton(
     return component if damping_ratio is None else with_modal_damping(component, damping_ratio)  # type: ignore[return-value]
 
 
-def _check_request(max_frequency_hz: float | None, n_modes: int | None, residual_vectors: int, accuracy: float | None) -> None:
+def _check_request(max_frequency_hz: float | None, n_modes: int | None, residual_vectors: int) -> None:
     if max_frequency_hz is None and n_modes is None:
         raise InputError("craig_bampton: give max_frequency_hz or n_modes")
     if max_frequency_hz is not None and not (is_number(max_frequency_hz) and 0 < max_frequency_hz < np.inf):
@@ -89,13 +96,24 @@ def _check_request(max_frequency_hz: float | None, n_modes: int | None, residual
         raise InputError(
             f"craig_bampton: n_modes {n_modes!r} and residual_vectors {residual_vectors!r} must be whole numbers, not negative"
         )
-    if accuracy is None:
+
+
+def _check_choice(
+    max_frequency_hz: float | None, n_modes: int | None, residual_vectors: int, accuracy: float | None, size: int | None
+) -> None:
+    """What is left to the reduction to choose: by accuracy, or by size."""
+    if accuracy is None and size is None:
         return
+    word = "size" if accuracy is None else "accuracy"
     if max_frequency_hz is None or n_modes is not None or residual_vectors:
         raise InputError(
-            "craig_bampton: accuracy chooses modes and blocks; give max_frequency_hz, not n_modes or residual_vectors"
+            f"craig_bampton: {word} chooses modes and blocks; give max_frequency_hz, not n_modes or residual_vectors"
         )
-    if not 0 < accuracy < 1:
+    if accuracy is not None and size is not None:
+        raise InputError("craig_bampton: give accuracy (as few coordinates as it needs) or size (as accurate as it allows)")
+    if size is not None and not _is_count(size):
+        raise InputError(f"craig_bampton: size {size!r} must be a whole number, not negative")
+    if accuracy is not None and not (is_number(accuracy) and 0 < accuracy < 1):
         raise InputError(f"craig_bampton: accuracy is a relative frequency error between 0 and 1, got {accuracy}")
 
 
@@ -126,6 +144,7 @@ def _report(
         n_modes=interior.modes.shape[1],
         n_residual=interior.ritz.shape[1],
         blocks=interior.blocks,
+        drawn_from=interior.drawn_from if isinstance(interior, Drawn) else None,
         complete_below_hz=float(np.sqrt(interior.complete)) / (2 * np.pi),
         proved=interior.proved,
         max_frequency_hz=max_frequency_hz,

@@ -21,7 +21,8 @@ Storage: TypeAlias = bool | Callable[[tuple[int, int]], Any]
 class ReductionReport:
     """What a reduction chose, and what it proved.
 
-    n_modes: exact modes of the held (or free) model. n_residual: residual (Ritz) vectors besides them, in `blocks` blocks.
+    n_modes: exact modes of the held (or free) model. n_residual: residual (Ritz) vectors besides them, in `blocks` blocks, or
+    drawn from a basis of `drawn_from` vectors that had so many blocks.
     complete_below_hz: the basis holds every fixed-interface mode below it; proved: a Sturm count said so.
     accuracy: asked relative frequency error, None where modes and blocks were given. verified: bound of the relative error of
     any system's frequency up to max_frequency_hz that this component causes, None where it was not computed.
@@ -32,6 +33,7 @@ class ReductionReport:
     n_modes: int
     n_residual: int = 0
     blocks: int = 0
+    drawn_from: int | None = None
     complete_below_hz: float = 0.0
     proved: bool = False
     max_frequency_hz: float | None = None
@@ -41,7 +43,10 @@ class ReductionReport:
 
     def __str__(self) -> str:
         text = f"{self.method}: {self.n_modes} modes + {self.n_residual} residual vectors"
-        text += f" in {self.blocks} blocks" if self.blocks else ""
+        if self.drawn_from is not None:
+            text += f" drawn from {self.drawn_from} in {self.blocks} blocks"
+        elif self.blocks:
+            text += f" in {self.blocks} blocks"
         text += f"; all fixed-interface modes below {self.complete_below_hz:.6g} Hz" if self.complete_below_hz else ""
         text += (" (counted)" if self.proved else " (not counted)") if self.complete_below_hz else ""
         if self.verified is not None:
