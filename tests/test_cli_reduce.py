@@ -52,3 +52,16 @@ def test_mistakes_are_one_line_and_nothing_is_written(model, tmp_path, arguments
     (line,) = result.stderr.strip().splitlines()
     assert words in line
     assert not out.exists()
+
+
+def test_a_bad_ending_is_told_before_the_model_is_read(tmp_path):
+    result = call(tmp_path / "missing.npz", "--boundary", "1:1", "--modes", 2, "-o", tmp_path / "reduced.txt")
+    assert result.exit_code == 2
+    assert "has none of the endings" in result.stderr
+
+
+def test_the_component_can_be_named(model, tmp_path):
+    assert call(model, "--boundary", "1:1", "--modes", 2, "--name", "arm", "-o", tmp_path / "r.npz").exit_code == 0
+    assert fp.read_component(tmp_path / "r.npz").name == "arm"
+    bad = call(model, "--boundary", "1:1", "--modes", 2, "--name", "two.parts", "-o", tmp_path / "s.npz")
+    assert (bad.exit_code, "without dots" in bad.stderr) == (2, True)

@@ -14,7 +14,7 @@ from typing import Any
 __version__ = "0.1.0"
 
 _HOME = {
-    "errors": ("FlexplantError", "InputError", "ModelError", "CouplingError", "ReadError", "SolverError"),
+    "errors": ("FlexplantError", "InputError", "ModelError", "CouplingError", "ReadError", "SolverError", "PlausibilityWarning"),
     "model.component": ("Component", "FiniteElementModel"),
     "model.damping": ("with_modal_damping",),
     "model.dofs": ("DofSet",),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import os
+import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -11,7 +12,7 @@ from typing import Annotated, Any, ParamSpec, TypeVar
 
 import typer
 
-from flexplant.errors import CheckFailedError, FlexplantError, SolverError
+from flexplant.errors import CheckFailedError, FlexplantError, PlausibilityWarning, SolverError
 
 OK, FAILED, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
 EPILOG = "Exit codes: 0 done, 1 a check failed or a computation did not converge, 2 bad input, 130 interrupted."
@@ -39,7 +40,8 @@ def _told(command: Callable[P, R]) -> Callable[P, R]:
     @functools.wraps(command)
     def wrapped(*args: P.args, **kwargs: P.kwargs) -> R:
         try:
-            return command(*args, **kwargs)
+            with _notes():
+                return command(*args, **kwargs)
         except (CheckFailedError, SolverError) as error:
             raise _end(str(error), FAILED) from None
         except FlexplantError as error:
@@ -52,6 +54,23 @@ def _told(command: Callable[P, R]) -> Callable[P, R]:
             raise _end("interrupted; nothing was written", INTERRUPTED) from None
 
     return wrapped
+
+
+@contextmanager
+def _notes() -> Iterator[None]:
+    """Warnings about implausible numbers as one line each on stderr, a file's once."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("default", PlausibilityWarning)
+        shown = warnings.showwarning
+
+        def tell(message: Any, category: Any, *rest: Any, **more: Any) -> None:
+            if issubclass(category, PlausibilityWarning):
+                typer.echo(f"flexplant: note: {message}", err=True)
+            else:
+                shown(message, category, *rest, **more)
+
+        warnings.showwarning = tell
+        yield
 
 
 def _end(text: str, code: int) -> typer.Exit:
@@ -151,6 +170,8 @@ def check(
     failed = []
     for file in files:
         component = read_component(file, format=format, units=units)
+        if str(component.source.get("units", "")).startswith("not stated"):
+            typer.echo(f"{file.name}: units are not stated; the numbers are taken as SI (--units says otherwise)\n")
         report = check_component(component)
         typer.echo(component_text(component, report))
         failed += [c.name for c in report.failed]
@@ -168,11 +189,13 @@ def reduce(
     modes: Annotated[int | None, typer.Option(help="Or this many of them.")] = None,
     ritz: Annotated[int, typer.Option(help="Blocks of load-dependent Ritz vectors beside the modes.")] = 0,
     geometry: Annotated[Path | None, typer.Option(help="Deck with the node positions that the model lacks.")] = None,
+    name: Annotated[str | None, typer.Option(help="Name of the component; left out: that of the model's file.")] = None,
     format: Format = None,  # noqa: A002
     units: Units = None,
 ) -> None:
     """Reduce a model to a Hurty/Craig-Bampton component, check it and write it."""
     from flexplant.io import read_model, write_component
+    from flexplant.io.output import chosen_writer
     from flexplant.reduction import craig_bampton
     from flexplant.study.assemble import parse_boundary
     from flexplant.study.outputs import require_folder_of
@@ -180,8 +203,9 @@ def reduce(
     from flexplant.verification import check_component
 
     require_folder_of(output)
+    chosen_writer("write_component", output)
     options: dict[str, Any] = {} if geometry is None else {"geometry": geometry}
-    full = read_model(model, format=format, units=units, **options)
+    full = read_model(model, format=format, units=units, name=name, **options)
     how: dict[str, Any] = {"max_frequency_hz": max_frequency, "n_modes": modes, "residual_vectors": ritz}
     component = craig_bampton(full, parse_boundary(boundary), **how)
     typer.echo(component_text(component, check_component(component)))

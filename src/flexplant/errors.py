@@ -63,6 +63,10 @@ class MissingExtraError(FlexplantError, ImportError):
         super().__init__(f"this needs the package {package!r}: pip install 'flexplant[{extra}]'")
 
 
+class PlausibilityWarning(UserWarning):
+    """A file whose numbers are hardly those of a structure in the units that were given; nothing was changed."""
+
+
 def nearest(name: str, known: Iterable[str]) -> str:
     """A hint such as " Did you mean 'bus.9001.1'?" (or the first few known names) for an unknown name."""
     known = list(known)

@@ -62,8 +62,9 @@ def test_implausible_units_are_told_not_changed(tmp_path: Path) -> None:
     spring = np.kron([[1.0, -1.0], [-1.0, 1.0]], np.eye(3)) * 1e3
     model = FiniteElementModel(name="m", mass=np.eye(6) * 1e-4, stiffness=spring, dofs=dofs, nodes=frame)
     notes = plausibility(model)
-    assert len(notes) == 2
     assert "mass 0.0002 kg is outside" in notes[0]
     assert "size 5000 m" in notes[1]
+    assert "mass over size cubed 1.6e-15" in notes[2]
+    assert len(notes) == 4
     assert "note" in str(inspect(write_model(model, tmp_path / "m.npz")))
     assert plausibility(read_component(TRUSS / "outboard.op4", units="mm-kg-s")) == []

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import warnings
 from pathlib import Path
 from typing import Any
 
-from flexplant.errors import InputError, ReadError
+from flexplant.errors import InputError, PlausibilityWarning, ReadError
 from flexplant.io.output import read_plant, write_component, write_model, write_plant
 from flexplant.io.parse.own_plant import Plant
 from flexplant.io.plausibility import Model, first_frequencies, plausibility, quantities
@@ -23,7 +24,9 @@ def inspect(path: str | Path, *, format: str | None = None, units: Units | None 
     Arguments as in `read_component`. Raises ReadError for a file that no reader takes.
     """
     try:
-        value: Any = read_any(path, format=format, units=units, **options)
+        with warnings.catch_warnings():  # its rows say the same, and more
+            warnings.simplefilter("ignore", PlausibilityWarning)
+            value: Any = read_any(path, format=format, units=units, **options)
     except ReadError as error:
         if not _reads_as_geometry(path, format):
             raise error from None

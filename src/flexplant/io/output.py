@@ -33,12 +33,17 @@ def writers() -> dict[str, Writer]:
     return {w.name: w for w in sorted(found, key=lambda w: w.name)}
 
 
-def _write(what: str, value: Any, path: str | Path, options: dict[str, Any]) -> Path:
-    path = as_path(path)
+def chosen_writer(what: str, path: Path) -> Writer:
+    """The format that the path's ending chooses for "write_component" and so on; InputError lists the endings there are."""
     able = {suffix: w for w in writers().values() if what in w.writers for suffix in w.suffixes}
     if path.suffix.lower() not in able:
         raise InputError(f"{what}: {path.name!r} has none of the endings {', '.join(able)}, which choose the format")
-    chosen = able[path.suffix.lower()]
+    return able[path.suffix.lower()]
+
+
+def _write(what: str, value: Any, path: str | Path, options: dict[str, Any]) -> Path:
+    path = as_path(path)
+    chosen = chosen_writer(what, path)
     writer = chosen.writers[what]
     known = [p.name for p in inspect.signature(writer).parameters.values() if p.kind is p.KEYWORD_ONLY]
     for option in options:

@@ -20,6 +20,7 @@ from flexplant.errors import InputError, ModelError, ReadError, nearest
 from flexplant.io.formats import Format
 from flexplant.io.parse.display import DisplayMesh
 from flexplant.io.parse.files import as_path, checked_file, exists, one_line, read_head
+from flexplant.io.plausibility import warn_if_implausible
 from flexplant.model.component import Component, FiniteElementModel
 from flexplant.model.damping import DampingRatio, with_modal_damping
 from flexplant.model.units import SI, UnitSystem, component_to_si, model_to_si, unit_system
@@ -129,7 +130,8 @@ def read_component(
     damping: modal damping ratio, list or table (`with_modal_damping`), replacing what the file has; None keeps that.
     units: the file's unit system (preset name, or (length in m, mass in kg)), converted to SI; None takes what the file
     states, else leaves the numbers as they are. options: of the format, see its module. `source` tells where it came from.
-    Raises ReadError naming the file (record, byte) for anything missing, malformed or contradictory.
+    Raises ReadError naming the file (record, byte) for anything missing, malformed or contradictory. Warns
+    (`PlausibilityWarning`) where mass, size or first frequency are no structure's: units= is likely to be wrong.
     """
     if name is not None:
         options["name"] = name
@@ -137,6 +139,7 @@ def read_component(
     chosen = _unit_choice(component.source.get("units"), units, path)
     component = _labelled(component, chosen)
     component = component if chosen is None else _component_in_si(component, chosen)
+    warn_if_implausible(component, path)
     return component if damping is None else with_modal_damping(component, damping)
 
 
@@ -154,7 +157,9 @@ def read_model(
     model: FiniteElementModel = _read("read_model", path, format, options)
     chosen = _unit_choice(model.source.get("units"), units, path)
     model = _labelled(model, chosen)
-    return model if chosen is None else model_to_si(model, chosen)
+    model = model if chosen is None else model_to_si(model, chosen)
+    warn_if_implausible(model, path)
+    return model
 
 
 def read_geometry(path: str | Path, *, format: str | None = None, **options: Any) -> DisplayMesh:  # noqa: A002
