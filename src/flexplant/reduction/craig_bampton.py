@@ -38,6 +38,7 @@ def craig_bampton(
     progress: Progress | None = None,
     threads: int | None = None,
     memory_limit: float | None = None,
+    backend: str | None = None,
 ) -> ReducedComponent:
     """Reduce a finite-element model to HCB form, u = [I, 0; Psi, Phi] [b; q] (equations 2-4).
 
@@ -56,6 +57,7 @@ def craig_bampton(
     recover: DOF whose displacements become the recovery "displacement", labels "node.direction".
     keep_basis: True, or a function shape -> array (for example a numpy memmap) to hold the basis that `expand` needs.
     error_estimate: keep the rows that `estimate_error` needs, which costs one more block of solutions.
+    backend: of the factorisation: "rslab", "superlu", "pardiso" or "cholmod"; None takes the best that is always there.
     progress("modes", share): called while modes are computed; an exception it raises ends the reduction.
     Raises ModelError for DOF that the model does not have, SolverError where the held interior is a mechanism or indefinite,
     memory is too small or the accuracy is out of reach, InputError for impossible numbers.
@@ -65,7 +67,7 @@ def craig_bampton(
     _check_choice(max_frequency_hz, n_modes, residual_vectors, accuracy, size)
     if not isinstance(model, FiniteElementModel):
         raise InputError(f"craig_bampton reduces a FiniteElementModel, got {type(model).__name__}")
-    part = Partition.of(model, boundary, threads=threads, memory_limit=memory_limit)
+    part = Partition.of(model, boundary, threads=threads, memory_limit=memory_limit, backend=backend)
     forces = load_columns(part, loads)
     verified = None
     if accuracy is not None and max_frequency_hz is not None and part.i.size:

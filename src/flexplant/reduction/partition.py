@@ -32,6 +32,7 @@ class Partition:
     i: IntArray
     threads: int | None = None
     memory_limit: float | None = None
+    backend: str | None = None
 
     @classmethod
     def of(
@@ -41,13 +42,14 @@ class Partition:
         *,
         threads: int | None = None,
         memory_limit: float | None = None,
+        backend: str | None = None,
     ) -> Partition:
         """Split at `boundary`; ModelError names missing DOF and those listed twice."""
         dofs = DofSet.of(boundary)
         if not len(dofs):
             raise ModelError(f"model {model.name!r}: the boundary is empty; list the interface (node, direction) pairs")
         b = model.dofs.rows(dofs.pairs, owner=f"model {model.name!r}")
-        return cls(model, dofs, b, np.setdiff1d(np.arange(len(model.dofs)), b), threads, memory_limit)
+        return cls(model, dofs, b, np.setdiff1d(np.arange(len(model.dofs)), b), threads, memory_limit, backend)
 
     def block(self, kind: str, rows: IntArray, columns: IntArray) -> sp.csr_array:
         """Sparse block of "mass" or "stiffness"."""
@@ -73,7 +75,7 @@ class Partition:
     @cached_property
     def analysis(self) -> Analysis:
         """Symbolic analysis of Kii; SolverError where its factor and the constraint modes do not fit in memory."""
-        analysis = analyze(self.kii, threads=self.threads)
+        analysis = analyze(self.kii, backend=self.backend, threads=self.threads)
         refuse_above(analysis.estimate, self.memory_limit, besides=16.0 * self.i.size * self.b.size)
         return analysis
 

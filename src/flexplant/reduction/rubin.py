@@ -33,6 +33,7 @@ def rubin(
     progress: Progress | None = None,
     threads: int | None = None,
     memory_limit: float | None = None,
+    backend: str | None = None,
 ) -> ReducedComponent:
     """Reduce with elastic free-interface modes up to `max_frequency_hz` (or the first n), and residual flexibility.
 
@@ -46,7 +47,7 @@ def rubin(
         raise InputError("rubin: give max_frequency_hz or n_modes")
     if n_modes is not None and not 0 <= n_modes <= len(model.dofs):
         raise InputError(f"rubin: n_modes {n_modes} must lie between 0 and the {len(model.dofs)} DOF of model {model.name!r}")
-    part = Partition.of(model, boundary, threads=threads, memory_limit=memory_limit)
+    part = Partition.of(model, boundary, threads=threads, memory_limit=memory_limit, backend=backend)
     free = FreeSolve(part)
     shapes = _free_modes(free, max_frequency_hz, n_modes, progress)
     n_b, psi = part.b.size, part.constraint_modes

@@ -7,18 +7,24 @@ from collections.abc import Callable
 from typing import Any
 
 from flexplant.errors import InputError, SolverError, nearest
-from flexplant.numerics.factorization import rslab_backend, superlu_backend
+from flexplant.numerics.factorization import cholmod_backend, pardiso_backend, rslab_backend, superlu_backend
 from flexplant.numerics.factorization.protocol import Analysis, Estimate, Factor
 
 __all__ = ["BACKENDS", "Analysis", "Estimate", "Factor", "analyze", "factorize", "installed_memory", "refuse_above"]
 
-BACKENDS: dict[str, Callable[..., Analysis]] = {"rslab": rslab_backend.analyze, "superlu": superlu_backend.analyze}
+BACKENDS: dict[str, Callable[..., Analysis]] = {
+    "rslab": rslab_backend.analyze,
+    "superlu": superlu_backend.analyze,
+    "pardiso": pardiso_backend.analyze,
+    "cholmod": cholmod_backend.analyze,
+}
 
 
 def analyze(matrix: Any, *, backend: str | None = None, threads: int | None = None) -> Analysis:
     """Symbolic analysis of a sparse symmetric matrix (n, n): its cost estimate, and factors of any matrix of its pattern.
 
-    backend: "rslab" (L D L^T; the default where it is installed) or "superlu" (LU in symmetric mode, always there).
+    backend: "rslab" (L D L^T; the default where it is installed), "superlu" (LU in symmetric mode, always there), "pardiso"
+    (MKL's, extra `mkl`) or "cholmod" (real matrices only, GPL, extra `cholmod`).
     threads: workers, None for the backend's own choice. Raises InputError for an unknown backend, MissingExtraError for one
     that is not installed.
     """

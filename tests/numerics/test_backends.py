@@ -1,0 +1,147 @@
+"""Every factorisation backend against rslab and dense algebra: solutions, inertia, estimates, reuse, refusals."""
+
+from __future__ import annotations
+
+import sys
+
+import numpy as np
+import pytest
+import scipy.linalg as la
+import scipy.sparse as sp
+
+from flexplant.errors import InputError, MissingExtraError, SolverError
+from flexplant.numerics.factorization import BACKENDS, analyze, cholmod_backend, factorize, pardiso_backend, rslab_backend
+
+THERE = {"rslab": rslab_backend.available, "superlu": lambda: True}
+THERE |= {"pardiso": pardiso_backend.available, "cholmod": cholmod_backend.available}
+WHY = {"rslab": "rslab is not installed", "pardiso": "mkl is not installed", "cholmod": "scikit-sparse is not installed"}
+
+
+def backends(*names):
+    return [pytest.param(n, marks=pytest.mark.skipif(not THERE[n](), reason=WHY.get(n, ""))) for n in names]
+
+
+ALL = backends("rslab", "superlu", "pardiso", "cholmod")
+COMPLEX = backends("rslab", "superlu", "pardiso")
+
+
+def grid(n: int = 14) -> tuple[sp.csr_array, sp.csr_array]:
+    """Stiffness and mass of a square membrane held at its rim, with uneven entries."""
+    line = sp.diags_array([-1.0, 2.0, -1.0], offsets=[-1, 0, 1], shape=(n, n))
+    k = sp.csr_array(sp.kron(line, sp.eye_array(n)) + sp.kron(sp.eye_array(n), 1.3 * line))
+    m = sp.diags_array(np.random.default_rng(2).uniform(0.5, 1.5, n * n)).tocsr()
+    return k, m
+
+
+@pytest.mark.parametrize("backend", ALL)
+def test_solutions_and_inertia_of_shifted_pencils(backend):
+    k, m = grid()
+    values = la.eigvalsh(k.toarray(), m.toarray())
+    rng = np.random.default_rng(1)
+    analysis = analyze(k, backend=backend)
+    for below in (0, 1, 37):
+        shift = 0.0 if not below else 0.5 * (values[below - 1] + values[below])
+        matrix = sp.csr_array(k - shift * m)
+        factor = analysis.factorize(matrix)
+        assert factor.backend == backend
+        assert factor.negative_pivots in (below, None) if backend == "superlu" else factor.negative_pivots == below
+        for b in (rng.standard_normal(k.shape[0]), rng.standard_normal((k.shape[0], 5))):
+            x = factor.solve(b)
+            assert x.shape == b.shape
+            assert np.linalg.norm(matrix @ x - b) < 1e-10 * np.linalg.norm(b)
+            np.testing.assert_allclose(x, la.solve(matrix.toarray(), b), rtol=0, atol=1e-9 * abs(x).max())
+        assert factor.solve(np.zeros((k.shape[0], 0))).shape == (k.shape[0], 0)
+
+
+@pytest.mark.parametrize("backend", backends("pardiso", "cholmod"))
+def test_the_same_as_rslab(backend):
+    k, m = grid(20)
+    b = np.random.default_rng(5).standard_normal((k.shape[0], 3))
+    for shift in (0.0, 0.9):
+        ours, other = (factorize(sp.csr_array(k - shift * m), backend=x) for x in ("rslab", backend))
+        assert ours.negative_pivots == other.negative_pivots
+        np.testing.assert_allclose(ours.solve(b), other.solve(b), rtol=0, atol=1e-9 * abs(ours.solve(b)).max())
+
+
+@pytest.mark.parametrize("backend", COMPLEX)
+def test_complex_symmetric_matrices(backend):
+    k, m = grid()
+    matrix = sp.csr_array((1 + 0.02j) * k - 0.7 * m)
+    b = np.random.default_rng(3).standard_normal((k.shape[0], 4))
+    factor = factorize(matrix, backend=backend)
+    assert factor.negative_pivots is None
+    np.testing.assert_allclose(factor.solve(b), la.solve(matrix.toarray(), b), rtol=0, atol=1e-9)
+
+
+@pytest.mark.parametrize("backend", ALL)
+def test_two_factors_of_one_analysis_live_side_by_side(backend):
+    k, m = grid()
+    analysis = analyze(k, backend=backend)
+    b = np.ones(k.shape[0])
+    first = analysis.factorize(k)
+    before = first.solve(b)
+    second = analysis.factorize(sp.csr_array(k + 3 * m))
+    np.testing.assert_array_equal(first.solve(b), before)
+    np.testing.assert_allclose((k + 3 * m) @ second.solve(b), b, rtol=1e-9)
+    other = grid(9)[0]
+    np.testing.assert_allclose(other @ analysis.factorize(other).solve(np.ones(81)), np.ones(81), rtol=1e-9)
+
+
+@pytest.mark.parametrize("backend", backends("rslab", "pardiso"))
+def test_the_estimate_is_there_before_and_right_after(backend):
+    k, _ = grid(60)
+    analysis = analyze(k, backend=backend)
+    factor = analysis.factorize(k)
+    assert analysis.estimate.fill == pytest.approx(factor.fill, rel=0.3)
+    assert analysis.estimate.peak_bytes >= analysis.estimate.factor_bytes >= 8 * 3600
+    assert analysis.estimate.flops > 0
+    with pytest.raises(SolverError, match="GB"):
+        factorize(k, backend=backend, memory_limit=1e3)
+
+
+@pytest.mark.parametrize("backend", ALL)
+def test_a_singular_matrix_is_refused_or_blows_up(backend):
+    """Some pivots vanish exactly, some as round-off: then the solution shows it, as the callers check."""
+    k = sp.csr_array(np.array([[1.0, -1.0, 0.0], [-1.0, 1.0, 0.0], [0.0, 0.0, 2.0]]))
+    with pytest.raises(SolverError, match="singular"):
+        factorize(k, backend=backend).solve(np.ones(3))
+
+
+@pytest.mark.parametrize("backend", backends("pardiso", "cholmod"))
+def test_a_stored_zero_diagonal_is_no_obstacle_to_an_indefinite_matrix(backend):
+    matrix = sp.csr_array(np.array([[2.0, 0.0, 1.0], [0.0, -3.0, 0.0], [1.0, 0.0, 0.0]]))
+    factor = factorize(matrix, backend=backend)
+    assert factor.negative_pivots == 2
+    np.testing.assert_allclose(matrix @ factor.solve(np.ones(3)), 1.0, rtol=1e-12)
+
+
+def test_what_is_missing_or_unknown(monkeypatch):
+    k, _ = grid(4)
+    with pytest.raises(InputError, match="pardiso"):
+        analyze(k, backend="pardizo")
+    monkeypatch.setattr(pardiso_backend, "available", lambda: False)
+    with pytest.raises(MissingExtraError, match=r"flexplant\[mkl\]"):
+        analyze(k, backend="pardiso")
+    monkeypatch.setitem(sys.modules, "sksparse", None)
+    with pytest.raises(MissingExtraError, match=r"flexplant\[cholmod\]"):
+        analyze(k, backend="cholmod")
+    assert set(BACKENDS) == set(THERE)
+
+
+@pytest.mark.skipif(not cholmod_backend.available(), reason=WHY["cholmod"])
+def test_cholmod_refuses_complex_matrices():
+    with pytest.raises(InputError, match="complex-symmetric"):
+        analyze(1j * grid(4)[0], backend="cholmod")
+
+
+@pytest.mark.parametrize("backend", ALL)
+def test_a_reduction_by_any_backend_is_the_same(backend):
+    import flexplant as fp
+
+    k, m = grid(12)
+    model = fp.FiniteElementModel(name="net", stiffness=k, mass=m, dofs=[(i + 1, 3) for i in range(144)])
+    boundary = [(1, 3), (12, 3), (140, 3)]
+    ours, other = (fp.craig_bampton(model, boundary, max_frequency_hz=0.3, backend=x) for x in (None, backend))
+    assert other.report.proved or backend == "superlu"
+    np.testing.assert_allclose(other.fixed_interface_hz, ours.fixed_interface_hz, rtol=1e-10)
+    np.testing.assert_allclose(other.stiffness, ours.stiffness, atol=1e-10)
