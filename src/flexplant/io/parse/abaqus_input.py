@@ -10,6 +10,7 @@ import numpy as np
 
 from flexplant.errors import ReadError
 from flexplant.io.parse.number_text import integers, number_table, read_lines
+from flexplant.model.dofs import DofSet
 from flexplant.model.geometry import Nodes
 
 
@@ -55,6 +56,19 @@ def read_nodes(path: Path) -> Nodes:
     ids = integers(path, table[:, 0], "node")
     order = np.argsort(ids, kind="stable")
     return Nodes(ids=ids[order], positions=table[order, 1:])
+
+
+def deck_beside(path: Path) -> Path | None:
+    """The longest-named `.inp` beside the file whose stem begins the file's name."""
+    decks = [p for p in path.parent.glob("*.inp") if path.stem.lower().startswith(p.stem.lower())]
+    return max(decks, key=lambda p: len(p.stem), default=None)
+
+
+def nodes_at(path: Path, nodes: Nodes, dofs: DofSet) -> Nodes:
+    """The nodes that have DOF, in their order; ReadError for one that the deck does not have."""
+    if missing := [node for node in dofs.nodes if node not in nodes]:
+        raise ReadError(path, f"has DOF at nodes {missing[:8]}, which the geometry file does not have")
+    return Nodes(ids=np.array(dofs.nodes), positions=np.array([nodes.position(node) for node in dofs.nodes]).reshape(-1, 3))
 
 
 def _padded(line: str) -> str:

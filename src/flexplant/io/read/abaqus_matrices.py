@@ -12,7 +12,7 @@ import numpy as np
 
 from flexplant.errors import InputError, ReadError
 from flexplant.io.formats import Format
-from flexplant.io.parse.abaqus_input import read_nodes
+from flexplant.io.parse.abaqus_input import deck_beside, nodes_at, read_nodes
 from flexplant.io.parse.files import provenance
 from flexplant.io.parse.names import name_from
 from flexplant.io.parse.number_text import integers, number_table, read_lines
@@ -48,7 +48,7 @@ def read_model(
     stiffness, for a file that was written with a scaled modulus; `source` states it.
     """
     mass_file = partner(path, mass, "STIF", "MASS", "mass")
-    geometry_file = Path(geometry) if geometry is not None else _deck(path)
+    geometry_file = Path(geometry) if geometry is not None else deck_beside(path)
     nodes = None if geometry_file is None else read_nodes(geometry_file)
     stiffness, masses = _entries(path), _entries(mass_file)
     if stiffness.shape[1] != masses.shape[1]:
@@ -58,7 +58,7 @@ def read_model(
         dofs = _counted_dofs(path, n, nodes, dofs_per_node)
     else:
         dofs = _labelled_dofs(path, stiffness)
-    used = None if nodes is None else _only(path, nodes, dofs)
+    used = None if nodes is None else nodes_at(path, nodes, dofs)
     others = (mass_file,) if geometry_file is None else (mass_file, geometry_file)
     return FiniteElementModel(
         name=name or name_from(path),
@@ -68,12 +68,6 @@ def read_model(
         nodes=used,
         source=provenance(path, FORMAT.name, __name__, others) | {"stiffness_factor": stiffness_factor},
     )
-
-
-def _deck(path: Path) -> Path | None:
-    """The longest-named `.inp` beside the file whose stem begins the file's name."""
-    decks = [p for p in path.parent.glob("*.inp") if path.stem.lower().startswith(p.stem.lower())]
-    return max(decks, key=lambda p: len(p.stem), default=None)
 
 
 def _entries(path: Path) -> FloatArray:
@@ -108,12 +102,6 @@ def _labelled_dofs(path: Path, entries: FloatArray) -> DofSet:
 
 def _pairs(path: Path, entries: FloatArray, at: int) -> IntArray:
     return np.column_stack([integers(path, entries[:, at], "node"), integers(path, entries[:, at + 1], "DOF")])
-
-
-def _only(path: Path, nodes: Nodes, dofs: DofSet) -> Nodes:
-    if missing := [node for node in dofs.nodes if node not in nodes]:
-        raise ReadError(path, f"has DOF at nodes {missing[:8]}, which the geometry file does not have")
-    return Nodes(ids=np.array(dofs.nodes), positions=np.array([nodes.position(node) for node in dofs.nodes]))
 
 
 def _matrix(path: Path, entries: FloatArray, dofs: DofSet) -> Matrix:
