@@ -5,8 +5,10 @@ import pytest
 
 from flexplant.plant.modal import ModalPlant
 from flexplant.response import receptance as module
+from flexplant.response import tiles
 from flexplant.response.frequency import frequency_response
 from flexplant.response.receptance import ModalSum
+from flexplant.response.tiles import summed
 
 GRIDS = {
     "dense": np.linspace(0.5, 1200, 3000),
@@ -34,29 +36,79 @@ def test_sums_keep_twelve_digits(grid, zeta):
     omega, w = 2 * np.pi * np.sort(rng.uniform(1, 1000, 200)), 2 * np.pi * GRIDS[grid]
     columns = rng.normal(size=(4, 200))
     total = ModalSum(columns, omega, np.full(200, zeta))
-    found = np.concatenate([values for _, values in total.blocks(w)], axis=1)
+    found = total(w)
     expected = plain(columns, omega, np.full(200, zeta), w)
-    # relative to the modes' own sizes: the sum of their magnitudes
+    # relative to the sum of the magnitudes, of which 3e-15 is a dozen units of round-off
     size = abs(plain(abs(columns), omega, np.full(200, zeta), w))
-    bound = np.maximum(abs(expected), 1e-3 * size)
+    bound = np.maximum(abs(expected), 3e-3 * size)
     assert float((abs(found - expected) / bound).max()) < 1e-12
     assert float((abs(found - expected).max(axis=1) / abs(expected).max(axis=1)).max()) < 1e-12
 
 
-@pytest.mark.parametrize("kernel", ["receptance", "chebyshev"])
-def test_compiled_kernels_equal_plain_ones(kernel):
+KERNELS = {"compiled": summed, "numpy": summed.fallback, "plain Python": summed.loops}
+
+
+@pytest.fixture(params=list(KERNELS))
+def kernel(request, monkeypatch):
+    """Every form of the inner loops in turn."""
+    monkeypatch.setattr(module, "summed", KERNELS[request.param])
+    return request.param
+
+
+@pytest.mark.parametrize("count", [1, 2, 24, 25, 100, 203])
+@pytest.mark.parametrize("rows", [1, 3, 4, 6])
+def test_all_forms_of_the_loops_fill_every_tile(kernel, rows, count):
+    """Rows and frequencies that fill no tile, derivatives, direct terms, a rigid-body mode, rows in a larger array."""
+    rng = np.random.default_rng(rows)
+    omega = np.r_[0.0, rng.uniform(300, 6000, 29)]
+    zeta = np.r_[0.0, rng.uniform(1e-3, 1.5, 29)]
+    columns, direct = rng.normal(size=(rows, 30)), rng.normal(size=rows)
+    w = np.linspace(2.0, 900.0, count)
+    where = rng.permutation(rows + 2)[:rows]
+    for derivative in range(3):
+        out = np.full((rows + 2, count), np.nan, dtype=complex)
+        ModalSum(columns, omega, zeta)(w, derivative=derivative, direct=direct, out=out, rows=where)
+        expected = plain(columns, omega, zeta, w) * (1j * w) ** derivative + direct[:, None]
+        assert (abs(out[where] - expected).max(axis=1) / abs(expected).max(axis=1)).max() < 1e-13
+        assert np.isnan(np.delete(out, where, axis=0)).all()
+
+
+def test_modes_at_the_edge_of_a_block_are_summed_one_by_one():
+    """Poles everywhere around one block, one at a time: inside and outside the ellipse the error stays round-off."""
+    w = np.linspace(1000.0, 1100.0, 480)
+    for pole in np.r_[np.linspace(800, 1300, 26), 1000.0, 1100.0]:
+        for zeta in (0.0, 1e-6, 0.01):
+            one = np.array([pole + 1e-3])
+            # many modes far above make interpolation pay
+            omega = np.r_[one, np.linspace(5e4, 9e4, 100)]
+            columns = np.r_[1.0, np.zeros(100)][None, :]
+            expected = plain(columns, omega, np.full(101, zeta), w)
+            found = ModalSum(columns, omega, np.full(101, zeta))(w)
+            assert abs(found - expected).max() < 3e-14 * abs(expected).max(), (pole, zeta)
+
+
+@pytest.mark.parametrize("shape", [(8, 3), (4, 1), (2, 2)])
+def test_vectors_of_every_length_give_one_result(shape, monkeypatch):
+    """The registers of other processors, compiled afresh."""
+    numba = pytest.importorskip("numba")
+    summed(*arguments())  # tells numba about the functions that the loops call
+    monkeypatch.setattr(tiles, "vector_shape", lambda: shape)
+    found, expected = arguments(), arguments()
+    numba.njit(tiles.sum_blocks)(*found)
+    summed.fallback(*expected)
+    assert np.allclose(found[-1], expected[-1], rtol=1e-12, atol=1e-13 * abs(expected[-1]).max())
+
+
+def arguments():
+    """Of the inner loops: 40 modes, two tiles, three strips, modes 3 to 8 near."""
     rng = np.random.default_rng(0)
-    if kernel == "receptance":
-        arguments, shapes = (rng.uniform(1, 9, 7), rng.uniform(0, 2, 7), rng.uniform(1, 9, 30)), [(7, 30), (7, 30)]
-    else:
-        arguments, shapes = (rng.uniform(-1, 1, 30),), [(9, 30)]
-    results = []
-    for run in (getattr(module, kernel), getattr(module, kernel).fallback, getattr(module, kernel).loops):
-        out = [np.empty(shape) for shape in shapes]
-        run(*arguments, *out)
-        results.append(np.concatenate(out))
-    assert np.allclose(results[0], results[1], rtol=1e-12, atol=1e-14)
-    assert np.allclose(results[2], results[1], rtol=1e-12, atol=1e-14)
+    n, nf = 40, 72
+    transform = module.TO_COEFFICIENTS.ravel()
+    return (
+        rng.normal(size=8 * n), np.sort(rng.uniform(500, 900, n)), rng.uniform(1, 9, n), np.linspace(1, 20, nf),
+        np.array([[0, nf, 3, 9]]), np.cos(module.ANGLES), transform, 0, rng.normal(size=8), np.arange(8),
+        np.empty((n + 3 * 6) * 48), np.empty(3 * 24 * 24), np.zeros(8 * nf * 2),
+    )  # fmt: skip
 
 
 def test_direct_and_general_paths_are_one_response():

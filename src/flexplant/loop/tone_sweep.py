@@ -62,9 +62,7 @@ class ToneSweep:
         needed = [bool(part.any()) for part in parts]
         stacked = np.vstack([np.zeros((0, force.size)), *(p for p, use in zip(parts, needed, strict=True) if use)])
         rigid = stacked[:, ~flexible].sum(axis=1)
-        product = np.empty((stacked.shape[0], omega.size), dtype=complex)
-        for at, values in ModalSum(stacked[:, flexible], cascade.omega[flexible], cascade.zeta[flexible]).blocks(omega):
-            product[:, at] = values
+        product = ModalSum(stacked[:, flexible], cascade.omega[flexible], cascade.zeta[flexible])(omega)
         if rigid.any():
             product += np.outer(rigid, -1 / np.where(omega == 0, np.inf, omega) ** 2)
         pieces = iter(np.split(product, sum(needed)) if any(needed) else [])

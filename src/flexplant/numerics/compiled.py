@@ -22,16 +22,21 @@ class Kernel:
 
     Both take the same arguments and write into arrays they are given. The compiler may fuse multiply-adds, so the two agree to
     round-off, not bit by bit; reductions are not reordered, so that a result does not depend on the machine's vector length.
+    teach: called with numba before the compilation, to tell it about functions that `loops` calls.
     """
 
-    def __init__(self, loops: Callable[..., Any], fallback: Callable[..., Any]) -> None:
-        self.loops, self.fallback = loops, fallback
+    def __init__(
+        self, loops: Callable[..., Any], fallback: Callable[..., Any], teach: Callable[[Any], None] | None = None
+    ) -> None:
+        self.loops, self.fallback, self.teach = loops, fallback, teach
         self.__doc__ = loops.__doc__
         self._ready: Callable[..., Any] | None = None
 
     def __call__(self, *arguments: Any) -> Any:
         """Run on the arguments."""
         if self._ready is None:
+            if self.teach is not None and numba() is not None:
+                self.teach(numba())
             self._ready = self.fallback if numba() is None else compiled(self.loops)
         return self._ready(*arguments)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 from typing import TypeAlias
 
 import numpy as np
@@ -10,94 +11,95 @@ import numpy.typing as npt
 import scipy.linalg
 
 from flexplant.errors import InputError
-from flexplant.model.arrays import FloatArray
+from flexplant.model.arrays import FloatArray, IntArray
 from flexplant.plant.modal import ModalPlant
 from flexplant.response.receptance import ModalSum
 
 ComplexArray: TypeAlias = npt.NDArray[np.complex128]
 BLOCK = 512  # frequencies whose modal transfer functions stay in cache
+STREAMED = 2**18  # complex numbers of a streamed block, 4 MB
 RIGID_ROUND_OFF = 1e-9  # rigid-body response relative to its terms, below which it is taken as cancelled at 0 Hz
 WELL_CONDITIONED = 1e5  # eigenvectors up to which pole-residue sums keep about eleven digits
 
 
 def modal_response(plant: ModalPlant, hz: FloatArray, out: ComplexArray | None = None) -> ComplexArray:
     """(ny, nu, nf) complex response of a checked plant at checked frequencies, written into `out` where it is given."""
-    omega = 2 * np.pi * hz
-    ny, nu = len(plant.outputs), len(plant.inputs)
-    out = np.empty((ny, nu, hz.size), dtype=complex) if out is None else out
-    if plant.n_modes and ny and nu and plant.damping is None:
-        _refuse_poles(plant, omega)
-        if not _written_directly(plant, omega, out):
-            for at, values in modal_blocks(plant, omega):
-                out[:, :, at] = values
-        return out
-    out[:] = plant.direct[:, :, None]
-    if plant.n_modes and ny and nu:
-        _add_fully_damped(plant, omega, out)
-    return out
-
-
-def _written_directly(plant: ModalPlant, omega: FloatArray, out: ComplexArray) -> bool:
-    """The usual plant, displacements of flexible modes, without buffers in between; False for any other."""
-    kinds = list(_kinds(plant))
-    if len(kinds) != 1 or kinds[0][1] or kinds[0][0].size != out.shape[0] or not plant.omega.all() or not out.flags.c_contiguous:
-        return False
-    total = ModalSum(_residues(plant, kinds[0][2], plant.omega > 0)[0], plant.omega, plant.zeta)
-    flat = out.reshape(-1, omega.size)
-    for start in range(0, omega.size, total.block):
-        at = slice(start, start + total.block)
-        total(omega[at], flat[:, at])
-    if plant.direct.any():
-        out += plant.direct[:, :, None]
-    return True
+    return ModalResponse(plant)(2 * np.pi * hz, out)
 
 
 def modal_blocks(plant: ModalPlant, omega: FloatArray) -> Iterator[tuple[slice, ComplexArray]]:
-    """Blocks of frequencies (slice, (ny, nu, block)) of a plant with modal damping; the array is overwritten by the next block.
-
-    Residues c_i b_i^T times receptances (see `ModalSum`); rigid-body modes have the receptance -1 / w^2.
-    """
-    nu = len(plant.inputs)
-    flexible = plant.omega > 0
-    _refuse_infinite(plant, omega)
-    sums, orders, rigid = [], [], []
-    for rows, order, shapes in _kinds(plant):
-        residues, free = _residues(plant, shapes, flexible)
-        sums.append(ModalSum(residues, plant.omega[flexible], plant.zeta[flexible]))
-        orders.append((rows, order))
-        rigid.append(free)
-    size = min((part.block for part in sums), default=omega.size)
+    """Blocks of frequencies (slice, (ny, nu, block)); the array may be overwritten by the next block."""
+    response, ny, nu = ModalResponse(plant), len(plant.outputs), len(plant.inputs)
+    size = max(BLOCK, STREAMED // max(ny * nu, 1))
+    memory = np.empty(ny * nu * min(size, omega.size), dtype=complex)
     for start in range(0, omega.size, size):
         w = omega[start : start + size]
-        parts = []
-        for part, (rows, order), free in zip(sums, orders, rigid, strict=True):
-            product = part(w)
-            if free.any():
-                product += np.outer(free, -1 / np.where(w == 0, np.inf, w) ** 2)
-            _differentiate(product, order, free, w)
-            parts.append((rows, product.reshape(rows.size, nu, -1)))
-        yield slice(start, start + w.size), _combined(parts, plant.direct, w.size)
+        yield slice(start, start + w.size), response(w, memory[: ny * nu * w.size].reshape(ny, nu, -1))
 
 
-def _differentiate(product: ComplexArray, order: int, rigid: FloatArray, w: FloatArray) -> None:
-    """Times (i w)^order in place; at w = 0 the accelerations of rigid-body modes, which the product does not see, are added."""
-    if order:
-        product *= (1j * w) ** order
-    if order == 2 and (w == 0).any():
-        product[:, w == 0] += rigid[:, None]
+class ModalResponse:
+    """What does not depend on the frequency, made once: residues c_i b_i^T of each kind of output (see `ModalSum`).
+
+    Call it with omega (nf,) rad/s, and C-contiguous complex memory (ny, nu, nf) for the result.
+    """
+
+    def __init__(self, plant: ModalPlant) -> None:
+        self.plant, self._direct = plant, np.ascontiguousarray(plant.direct)
+        self._first: list[_Kind] = []  # write the rows that no kind before wrote
+        self._later: list[_Kind] = []  # add to rows
+        self._silent = np.ones(len(plant.outputs), dtype=bool)
+        if plant.damping is None and plant.n_modes and plant.inputs:
+            for rows, order, shapes in _kinds(plant):
+                for kinds, which in ((self._first, self._silent[rows]), (self._later, ~self._silent[rows])):
+                    if which.any():
+                        kinds.append(_kind(plant, rows[which], order, shapes[which]))
+                self._silent[rows] = False
+
+    def __call__(self, omega: FloatArray, out: ComplexArray | None = None) -> ComplexArray:
+        """(ny, nu, nf) response; InputError on an undamped pole."""
+        plant = self.plant
+        out = np.empty((len(plant.outputs), len(plant.inputs), omega.size), dtype=complex) if out is None else out
+        out[self._silent] = self._direct[self._silent][:, :, None]
+        if plant.damping is not None:
+            _add_fully_damped(plant, omega, out)
+            return out
+        if plant.n_modes:
+            _refuse_poles(plant, omega)
+            _refuse_infinite(plant, omega)
+        flat = out.reshape(-1, omega.size)
+        for kind in self._first:
+            direct = self._direct.ravel()[kind.entries]
+            kind.total(omega, derivative=kind.order, direct=direct, out=flat, rows=kind.entries)
+            _add_at_zero(kind, omega, flat)
+        for kind in self._later:
+            flat[kind.entries] += kind.total(omega, derivative=kind.order)
+            _add_at_zero(kind, omega, flat)
+        return out
 
 
-def _combined(parts: list[tuple[npt.NDArray[np.int64], ComplexArray]], direct: FloatArray, nf: int) -> ComplexArray:
-    """The sum of the parts on their rows and the direct terms, in the memory of the first part where it covers all rows."""
-    if parts and parts[0][0].size == direct.shape[0]:
-        values, parts = parts[0][1], parts[1:]
-        if direct.any():
-            values += direct[:, :, None]
-    else:
-        values = np.repeat(direct[:, :, None].astype(complex), nf, axis=2)
-    for rows, part in parts:
-        values[rows] += part
-    return values
+@dataclass(frozen=True, eq=False)
+class _Kind:
+    """Displacements, velocities or accelerations (order 0, 1, 2) at entries (output, input) of the response, counted flat."""
+
+    total: ModalSum
+    order: int
+    entries: IntArray
+    rigid: FloatArray
+
+
+def _kind(plant: ModalPlant, rows: IntArray, order: int, shapes: FloatArray) -> _Kind:
+    flexible, nu = plant.omega > 0, len(plant.inputs)
+    residues, rigid = _residues(plant, shapes, flexible)
+    omega, zeta = plant.omega[flexible], plant.zeta[flexible]
+    if rigid.any():
+        residues, omega, zeta = np.column_stack([residues, rigid]), np.append(omega, 0.0), np.append(zeta, 0.0)
+    return _Kind(ModalSum(residues, omega, zeta), order, (rows[:, None] * nu + np.arange(nu)).ravel(), rigid)
+
+
+def _add_at_zero(kind: _Kind, omega: FloatArray, flat: ComplexArray) -> None:
+    """The accelerations of rigid-body modes at w = 0, which the sum does not see: (i w)^2 / -w^2 = 1."""
+    if kind.order == 2 and not omega.all():
+        flat[kind.entries[:, None], np.flatnonzero(omega == 0)] += kind.rigid[:, None]
 
 
 def _residues(plant: ModalPlant, shapes: FloatArray, flexible: npt.NDArray[np.bool_]) -> tuple[FloatArray, FloatArray]:

@@ -1,126 +1,114 @@
 """Sums of modal receptances, sum_i c_i / (wn_i^2 - w^2 + 2 i zeta_i wn_i w), for many rows c and frequencies, in real arithmetic.
 
 In a block of neighbouring frequencies most modes are far away and vary smoothly: their sum is evaluated at Chebyshev nodes and
-interpolated, and only the modes near the block are summed one by one. The degree is chosen so that the interpolation error is
-below round-off: a pole outside the Bernstein ellipse of size RHO around the block leaves RHO^-NODES = 1e-17 of its size
-(Trefethen, Approximation Theory and Approximation Practice, chapter 8).
+interpolated, and only the modes near the block are summed one by one. The number of nodes is that at which the interpolation
+error falls below round-off: a pole outside the Bernstein ellipse of size RHO around the block leaves RHO^-STRIP = 1e-15 of its
+size (Trefethen, Approximation Theory and Approximation Practice, chapter 8). The blocks are those of least work.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from typing import TypeAlias
 
 import numpy as np
 import numpy.typing as npt
 
-from flexplant.model.arrays import FloatArray
-from flexplant.numerics.compiled import Kernel
+from flexplant.model.arrays import FloatArray, IntArray
+from flexplant.response.tiles import ROWS, STRIP, summed
 
 ComplexArray: TypeAlias = npt.NDArray[np.complex128]
-NODES, RHO = 32, 3.4
-ANGLES = (np.arange(NODES) + 0.5) * (np.pi / NODES)
+RHO = 10 ** (15 / STRIP)
+REACH = 0.5 * (RHO + 1 / RHO)  # half the width of that ellipse, where the block is two wide
+TABLE = 6.0  # work of a receptance, beside that of adding it to ROWS rows
+ANGLES = (np.arange(STRIP) + 0.5) * (np.pi / STRIP)
 # values at the nodes -> coefficients of Chebyshev polynomials
-TO_COEFFICIENTS = np.cos(np.outer(ANGLES, np.arange(NODES))) * (np.where(np.arange(NODES) == 0, 1.0, 2.0) / NODES)
-
-
-def _receptance_loops(modal_omega, zeta, omega, real_part, imaginary_part):  # type: ignore[no-untyped-def]
-    """(n, nf) real and imaginary parts; (wn - w)(wn + w) keeps its digits near wn."""
-    for i in range(modal_omega.size):
-        wn = modal_omega[i]
-        damping = 2 * zeta[i] * wn
-        for k in range(omega.size):
-            real = (wn - omega[k]) * (wn + omega[k])
-            imaginary = damping * omega[k]
-            scale = 1 / (real * real + imaginary * imaginary)
-            real_part[i, k] = real * scale
-            imaginary_part[i, k] = -imaginary * scale
-
-
-def _receptance_numpy(
-    modal_omega: FloatArray, zeta: FloatArray, omega: FloatArray, real_part: FloatArray, imaginary_part: FloatArray
-) -> None:
-    np.subtract(modal_omega[:, None], omega, out=real_part)
-    scale = modal_omega[:, None] + omega
-    real_part *= scale
-    np.multiply((-2 * zeta * modal_omega)[:, None], omega, out=imaginary_part)
-    np.multiply(real_part, real_part, out=scale)
-    scale += imaginary_part * imaginary_part
-    np.divide(1, scale, out=scale)
-    real_part *= scale
-    imaginary_part *= scale
-
-
-def _chebyshev_loops(x, out):  # type: ignore[no-untyped-def]
-    """out[k] = T_k(x) by the three-term recurrence."""
-    for j in range(x.size):
-        out[0, j] = 1.0
-        out[1, j] = x[j]
-    for k in range(2, out.shape[0]):
-        for j in range(x.size):
-            out[k, j] = 2 * x[j] * out[k - 1, j] - out[k - 2, j]
-
-
-def _chebyshev_numpy(x: FloatArray, out: FloatArray) -> None:
-    out[0], out[1] = 1.0, x
-    for k in range(2, len(out)):
-        np.multiply(2 * x, out[k - 1], out=out[k])
-        out[k] -= out[k - 2]
-
-
-receptance = Kernel(_receptance_loops, _receptance_numpy)
-chebyshev = Kernel(_chebyshev_loops, _chebyshev_numpy)
+TO_COEFFICIENTS = np.cos(np.outer(ANGLES, np.arange(STRIP))) * (np.where(np.arange(STRIP) == 0, 1.0, 2.0) / STRIP)
 
 
 class ModalSum:
-    """columns (rows, n) times the receptances of n modes with wn > 0; call it with a block of omega (nf,), rad/s."""
+    """columns (rows, n) times the receptances of n modes; wn = 0 without damping stands for a rigid-body mode, -1 / w^2."""
 
     def __init__(self, columns: FloatArray, modal_omega: FloatArray, zeta: FloatArray) -> None:
-        self.columns, self.omega, self.zeta = np.ascontiguousarray(columns), modal_omega, zeta
-        root = np.sqrt((1 - zeta**2).astype(complex))
-        self._poles = modal_omega * np.stack([root + 1j * zeta, -root + 1j * zeta])
+        # the pole in the right half plane; the other one, or the other root of an overdamped mode, is farther from any w >= 0
+        poles = modal_omega * np.sqrt(np.maximum(1 - zeta**2, 0.0))
+        order = np.argsort(poles)
+        self.poles, self.omega = poles[order], modal_omega[order]
+        self.columns, self.damping = columns[:, order], (2 * zeta * modal_omega)[order]
 
-    @property
-    def block(self) -> int:
-        """Frequencies that a block should have: many make interpolation pay, few keep the result in cache."""
-        return 512 if self.columns.shape[0] < 200 else 192
+    def __call__(
+        self,
+        w: FloatArray,
+        *,
+        derivative: int = 0,
+        direct: FloatArray | None = None,
+        out: ComplexArray | None = None,
+        rows: IntArray | None = None,
+    ) -> ComplexArray:
+        """(rows, nf) at w (nf,) >= 0 in any order, times (i w)^derivative, plus direct (rows,).
 
-    def blocks(self, omega: FloatArray) -> Iterator[tuple[slice, ComplexArray]]:
-        """(slice, (rows, block)) over all frequencies."""
-        for start in range(0, omega.size, self.block):
-            w = omega[start : start + self.block]
-            yield slice(start, start + w.size), self(w)
-
-    def __call__(self, w: FloatArray, out: ComplexArray | None = None) -> ComplexArray:
-        """(rows, nf) at omega (nf,) in any order, written into `out` where it is given."""
-        low, high = float(w.min()), float(w.max())
-        center, half = 0.5 * (low + high), 0.5 * (high - low)
-        near = self._near(center, half)
-        count = int(near.sum())
-        interpolated = count + 2 * NODES < near.size and w.size > 2 * NODES and half > 0
-        if not interpolated:
-            near, count = np.ones(near.size, dtype=bool), near.size
-        size = count + (NODES if interpolated else 0)
-        tables = np.empty((2, size, w.size))
-        receptance(self.omega[near], self.zeta[near], w, tables[0, :count], tables[1, :count])
-        left = [self.columns[:, near] if interpolated else self.columns] * 2
-        if interpolated:
-            chebyshev((w - center) / half, tables[0, count:])
-            tables[1, count:] = tables[0, count:]
-            left = [np.hstack([left[0], part]) for part in self._smooth(~near, center, half)]
-        out = np.empty((self.columns.shape[0], w.size), dtype=complex) if out is None else out
-        out.real, out.imag = left[0] @ tables[0], left[1] @ tables[1]
+        out: C-contiguous (any, nf) to write into, at its `rows`. At w = 0 a rigid-body mode adds nothing.
+        """
+        count = self.columns.shape[0]
+        direct = np.zeros(count) if direct is None else direct
+        rows = np.arange(count) if rows is None else rows
+        out = np.empty((count, w.size), dtype=complex) if out is None else out
+        if w.size < STRIP or (w[1:] < w[:-1]).any():
+            order = np.argsort(w, kind="stable")
+            padded = np.concatenate([w[order], np.full(max(STRIP - w.size, 0), w.max(initial=0.0))])
+            out[rows[:, None], order] = self(padded, derivative=derivative, direct=direct)[:, : w.size]
+        elif count:
+            _sum(self, w, derivative, direct, rows, out)
         return out
 
-    def _near(self, center: float, half: float) -> npt.NDArray[np.bool_]:
-        """Modes with a pole inside the ellipse around [center - half, center + half]."""
-        x = (self._poles - center) / max(half, 1e-300)
-        size = abs(x + np.sqrt(x - 1) * np.sqrt(x + 1))
-        return np.asarray((np.maximum(size, 1 / np.maximum(size, 1e-300)) < RHO).any(axis=0))
 
-    def _smooth(self, far: npt.NDArray[np.bool_], center: float, half: float) -> list[FloatArray]:
-        """Chebyshev coefficients (rows, NODES) of the real and of the imaginary part of the far modes' sum."""
-        tables = np.empty((2, int(far.sum()), NODES))
-        receptance(self.omega[far], self.zeta[far], center + half * np.cos(ANGLES), tables[0], tables[1])
-        columns = self.columns[:, far]
-        return [(columns @ table) @ TO_COEFFICIENTS for table in tables]
+def work_blocks(w: FloatArray, poles: FloatArray, tiles: int) -> IntArray:
+    """(nb, 4) start, stop, first and last near mode of the blocks of ascending w (nf >= STRIP,) that cost least.
+
+    Blocks are halved as long as that saves work (counted in modes added to ROWS rows at STRIP frequencies); one whose modes are
+    all near is summed plainly.
+    """
+    strips, n = -(-w.size // STRIP), poles.size
+    row = tiles + TABLE
+    levels = []
+    for level in range(strips.bit_length()):
+        edges = (strips * np.arange(2**level + 1)) >> level
+        start, stop = np.minimum(edges[:-1] * STRIP, w.size - STRIP), np.minimum(edges[1:] * STRIP, w.size)
+        low, high = w[start], w[stop - 1]
+        margin = 0.5 * (REACH - 1) * (high - low)
+        first, last = np.searchsorted(poles, low - margin), np.searchsorted(poles, high + margin, side="right")
+        size = np.diff(edges)
+        interpolated = size * ((last - first) * row + STRIP * (tiles + 1)) + n * row + STRIP * tiles
+        plain = size * n * row
+        summed_plainly = (plain <= interpolated) | (high <= low)
+        first[summed_plainly], last[summed_plainly] = 0, n
+        cost = np.where(summed_plainly, plain, interpolated)
+        levels.append((np.stack([start, stop, first, last], axis=1), cost))
+    return _cheapest(levels)
+
+
+def _cheapest(levels: list[tuple[IntArray, FloatArray]]) -> IntArray:
+    """The blocks of least cost, where each of a level is the union of two of the next."""
+    best, halved = levels[-1][1], [np.zeros(levels[-1][1].size, dtype=bool)]
+    for _, cost in levels[-2::-1]:
+        halves = best.reshape(-1, 2).sum(axis=1)
+        halved.insert(0, halves < cost)
+        best = np.minimum(cost, halves)
+    chosen, open_ = [], np.ones(1, dtype=bool)
+    for (blocks, _), split in zip(levels, halved, strict=True):
+        chosen.append(blocks[open_ & ~split])
+        open_ = np.repeat(open_ & split, 2)
+    found = np.concatenate(chosen)
+    return np.asarray(found[np.argsort(found[:, 0])], dtype=np.int64)
+
+
+def _sum(total: ModalSum, w: FloatArray, derivative: int, direct: FloatArray, rows: IntArray, out: ComplexArray) -> None:
+    """`ModalSum` at ascending w (nf >= STRIP,); the rows that fill the last tile repeat the last one."""
+    n, filled = total.omega.size, np.minimum(np.arange(-(-rows.size // ROWS) * ROWS), rows.size - 1)
+    blocks = work_blocks(w, total.poles, filled.size // ROWS)
+    left = np.ascontiguousarray(total.columns[filled].reshape(-1, ROWS, n).transpose(0, 2, 1))
+    strips, near = -(-(blocks[:, 1] - blocks[:, 0]) // STRIP), blocks[:, 3] - blocks[:, 2]
+    tables, bases = np.empty((n + int((strips * near).max())) * 2 * STRIP), np.empty(int(strips.max()) * STRIP**2)
+    modes, frequencies = (total.omega, total.damping), np.ascontiguousarray(w)
+    series = (np.cos(ANGLES), TO_COEFFICIENTS.ravel())
+    target = (direct[filled], rows[filled], tables, bases, out.reshape(-1).view(np.float64))
+    summed(left.ravel(), *modes, frequencies, blocks, *series, derivative, *target)
