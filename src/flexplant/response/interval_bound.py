@@ -41,9 +41,6 @@ class Axis(Protocol):
     def between(self, a: FloatArray, b: FloatArray, fraction: FloatArray, pole: IntArray) -> FloatArray:
         """(nt,) points at a fraction of each interval, denser towards the pole."""
 
-    def width(self, t: float) -> float:
-        """A distance from t within which a peak found to the tolerance has its top."""
-
 
 @dataclass(frozen=True)
 class Bracket:
@@ -68,13 +65,16 @@ def bracket(axes: Sequence[Axis], known: Bracket, tolerance: float, budget: int 
 
 
 def polished(axes: Sequence[Axis], found: Bracket) -> Bracket:
-    """The lower bound raised to the top of the peak that it lies on."""
+    """The lower bound raised to the top of the peak that it lies on: between points on both sides that are lower by 1e-4."""
     axis, t = axes[found.axis], found.t
-    width = min(axis.width(t), t) if t else 0.0
-    if not width:
+    widths = t * 2.0 ** np.arange(-46.0, 0.0)
+    sides = np.maximum(axis.gains(t - widths), axis.gains(t + widths))
+    lower = np.flatnonzero(sides < (1 - 1e-4) * found.lower)
+    if not lower.size:
         return found
+    width = float(widths[lower[0]])
     top = minimize_scalar(
-        lambda x: -axis.gains(np.array([x]))[0], bounds=(t - width, t + width), method="bounded", options={"xatol": 1e-6 * width}
+        lambda x: -axis.gains(np.array([x]))[0], bounds=(t - width, t + width), method="bounded", options={"xatol": 1e-7 * width}
     )
     higher = _higher(found, found.axis, np.array([float(top.x)]), np.array([-float(top.fun)]))
     return replace(higher, upper=max(found.upper, higher.lower))

@@ -8,6 +8,7 @@ poles in t. Over an interval each factor is bounded by its distance d1, d2 from 
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import TypeAlias
 
@@ -18,7 +19,7 @@ from flexplant.model.arrays import FloatArray, IntArray
 from flexplant.numerics.compiled import Kernel
 from flexplant.plant.modal import ModalPlant
 from flexplant.plant.state_space import output_rows
-from flexplant.response.modal_sum import modal_blocks
+from flexplant.response.modal_sum import modal_response
 from flexplant.response.singular import largest_singular_values
 
 ComplexArray: TypeAlias = npt.NDArray[np.complex128]
@@ -117,14 +118,11 @@ class ModalAxis:
 
     def responses(self, t: FloatArray) -> ComplexArray:
         """(ny, nu, nt) the plant at t."""
-        shape = (len(self.plant.outputs), len(self.plant.inputs), t.size)
-        out = np.empty(shape, dtype=complex)
+        out = np.empty((len(self.plant.outputs), len(self.plant.inputs), t.size), dtype=complex)
         finite = t > 0 if self.high else np.ones(t.size, dtype=bool)
-        omega = 1 / t[finite] if self.high else t
-        values = np.empty((*shape[:2], omega.size), dtype=complex)
-        for at, block in modal_blocks(self.plant, omega):
-            values[:, :, at] = block
-        out[:, :, finite] = values
+        if finite.any():
+            omega = 1 / t[finite] if self.high else t
+            out[:, :, finite] = modal_response(self.plant, omega / (2 * np.pi))
         out[:, :, ~finite] = self._tables["at_infinity"][:, :, None]
         return out
 
@@ -139,13 +137,38 @@ class ModalAxis:
         curvature(a, b, t["place"], t["first"], t["second"], t["constant"], t["rate"], self.high, bound, pole)
         return bound, pole
 
+    @property
+    def pole_places(self) -> tuple[FloatArray, FloatArray]:
+        """(n,) place of each mode's pole along the axis, and its distance from the axis."""
+        return self._tables["place"], self._tables["first"]
+
+    def entry_curvatures(self, a: FloatArray, b: FloatArray) -> FloatArray:
+        """(nt, ny, nu) bounds of every entry's second derivative over each interval."""
+        out = np.zeros((a.size, len(self.plant.outputs) * len(self.plant.inputs)))
+        rows = max(CHUNK // max(self.plant.n_modes, 1), 1)
+        for start in range(0, a.size, rows):
+            at = slice(start, start + rows)
+            for residues, bound in self._entry_tables(a[at], b[at]):
+                out[at] += bound @ residues
+        return out.reshape(a.size, len(self.plant.outputs), -1)
+
+    def _entry_tables(self, a: FloatArray, b: FloatArray) -> Iterator[tuple[FloatArray, FloatArray]]:
+        """(modes, ny nu) residues, and the bounds (nt, modes) that multiply them: of position rows, then of velocity rows."""
+        tables, t = self._tables, b[:, None]
+        gap = np.maximum(np.maximum(a[:, None] - tables["place"], tables["place"] - t), 0.0)
+        u, v = 1 / np.hypot(gap, tables["first"]), 1 / np.hypot(a[:, None] + tables["place"], tables["second"])
+        H0, H1, H2 = u * v, u * v * (u + v), 2 * u * v * (u * u + u * v + v * v)
+        scale = 1 / self.plant.omega**2 if self.high else np.ones(self.plant.n_modes)
+        for power, rows in enumerate(output_rows(self.plant)[:2]):
+            if not rows.any():
+                continue
+            residues = abs(rows.T)[:, :, None] * (abs(self.plant.shape_in) * scale[:, None])[:, None, :]
+            order = 2 - power if self.high else power  # the numerator is t^order
+            bound = t**order * H2 + (2 * order) * t ** max(order - 1, 0) * H1 + 2.0 * (order == 2) * H0
+            yield residues.reshape(residues.shape[0], -1), bound
+
     def between(self, a: FloatArray, b: FloatArray, fraction: FloatArray, pole: IntArray) -> FloatArray:
         """Points equally spaced in asinh((t - place) / width): in proportion to the distance from the pole."""
         place, width = self._tables["place"][pole], self._tables["first"][pole]
         low, high = np.arcsinh((a - place) / width), np.arcsinh((b - place) / width)
         return np.asarray(place + width * np.sinh(low + fraction * (high - low)))
-
-    def width(self, t: float) -> float:
-        """A tenth of the distance from the pole that matters most at t."""
-        pole = int(self.curvatures(np.array([t]), np.array([t]))[1][0])
-        return 0.1 * float(np.hypot(t - self._tables["place"][pole], self._tables["first"][pole]))

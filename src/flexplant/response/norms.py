@@ -68,14 +68,19 @@ def hinf_norm(plant: Plant, *, tolerance: float = 1e-7, unbounded: str = "infini
     unbounded: "infinite" returns inf for unstable, undamped and rigid-body poles that are seen; "error" raises InputError.
     Source: Boyd and Balakrishnan 1990; Bruinsma and Steinbuch 1990.
     """
-    if unbounded not in ("infinite", "error"):
-        raise InputError(f"unbounded={unbounded!r} is not a choice." + nearest(str(unbounded), ("infinite", "error")))
-    if not (is_number(tolerance) and 0 < tolerance < 1):
-        raise InputError(f"hinf_norm: tolerance is relative, between 0 and 1, got {tolerance!r}")
+    check_request(tolerance, unbounded)
     found = _modal_norm(plant, tolerance) if isinstance(plant, ModalPlant) else _norm(_first_order(plant), tolerance)
     if unbounded == "error" and not np.isfinite(found.value):
         raise InputError(f"the norm of {plant.name!r} is infinite: {found.explanation}")
     return found
+
+
+def check_request(tolerance: float, unbounded: str) -> None:
+    """InputError for a tolerance or a choice that `hinf_norm` does not take."""
+    if unbounded not in ("infinite", "error"):
+        raise InputError(f"unbounded={unbounded!r} is not a choice." + nearest(str(unbounded), ("infinite", "error")))
+    if not (is_number(tolerance) and 0 < tolerance < 1):
+        raise InputError(f"hinf_norm: tolerance is relative, between 0 and 1, got {tolerance!r}")
 
 
 def _first_order(plant: StateSpace | Descriptor) -> StateSpace:
