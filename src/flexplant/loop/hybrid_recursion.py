@@ -9,8 +9,8 @@ import numpy as np
 from flexplant.blocks.sampled import RATE_LIMITER, SampledBlock
 from flexplant.errors import InputError
 from flexplant.loop.cascade import Cascade
+from flexplant.loop.fused import recursion_of
 from flexplant.loop.hybrid import Element, Hybrid
-from flexplant.loop.recursion import Recursion
 from flexplant.loop.sampled_steps import KINDS, STATE_SPACE, sampled_steps
 from flexplant.loop.stepping import Stepper, stepper
 from flexplant.model.arrays import FloatArray, IntArray
@@ -38,7 +38,7 @@ class HybridRecursion:
         self._drive = np.vstack([one.drive[:nw], one.drive[width : width + nw]])
         x = state[: linear.n_states][self.order]
         listening = linear.omega.size > 0 and not linear.shape_in[:, nw:].any()
-        self.ahead = Recursion(_modes_alone(linear, one, nw), dt, x[: 2 * linear.omega.size], hold) if listening else None
+        self.ahead = recursion_of(_modes_alone(linear, one, nw), dt, x[: 2 * linear.omega.size], hold) if listening else None
         self.n_ahead = 2 * linear.omega.size if listening else 0
         self.x, self.s, self.p = x[self.n_ahead :].copy(), state[linear.n_states :].copy(), np.zeros(width - nw)
         self._parts = _parts(hybrid, one, self.n_ahead)

@@ -11,9 +11,10 @@ import scipy.linalg
 from flexplant.errors import InputError, nearest
 from flexplant.loop.cascade import Cascade, Simulated, cascade_of
 from flexplant.loop.diagram import Diagram
+from flexplant.loop.fused import recursion_of
 from flexplant.loop.hybrid import hybrid_of
 from flexplant.loop.hybrid_recursion import HybridRecursion
-from flexplant.loop.recursion import Recursion, Runner
+from flexplant.loop.recursion import Runner
 from flexplant.model.arrays import FloatArray, real_values
 
 Initial = str | npt.ArrayLike | None
@@ -35,7 +36,7 @@ def runner_of(system: Simulated, dt: float, initial: Initial, hold: str, every: 
         return HybridRecursion(hybrid, dt, given, hold, every)
     cascade = checked_cascade(system, unstable)
     warn_if_unresolved(cascade, dt)
-    return Recursion(cascade, dt, initial_state(cascade.n_states, initial), hold, every)
+    return recursion_of(cascade, dt, initial_state(cascade.n_states, initial), hold, every)
 
 
 def checked_cascade(system: Simulated, unstable: str) -> Cascade:

@@ -12,7 +12,8 @@ from flexplant.blocks.tones import Tones, tone_signal
 from flexplant.errors import InputError, nearest
 from flexplant.loop.cascade import Cascade, Simulated, simulated
 from flexplant.loop.diagram import Diagram
-from flexplant.loop.recursion import Progress, Recursion, march
+from flexplant.loop.fused import recursion_of
+from flexplant.loop.recursion import Progress, march
 from flexplant.loop.runner import Initial, checked_cascade, initial_state, is_hybrid, runner_of
 from flexplant.loop.signals import Signals, checked_time, sampled
 from flexplant.loop.steady import input_amplitudes, output_amplitudes, steady_states
@@ -65,7 +66,8 @@ def simulate(
         runner = runner_of(system, dt, initial, hold, every, unstable)
         run = march(runner, w, t.size, (len(names), len(system.outputs)), every, progress)
         z, final = run.outputs, run.final_state
-    return _dataset(system, t, w, z[rows], kept, final, every)
+    z = z if rows == list(range(len(z))) else z[rows]
+    return _dataset(system, t, w, z, kept, final, every)
 
 
 def _check_every(every: int) -> None:
@@ -89,7 +91,7 @@ def _under_tones(
         state[order] = (states * np.exp(2j * np.pi * tones.frequency_hz * instant)).real.sum(axis=1)
     z = _real_sum(output_amplitudes(cascade, states, amplitude), tones, t)
     if not (isinstance(initial, str) and initial == "steady_state"):
-        recursion = Recursion(cascade, dt, initial_state(cascade.n_states, initial) - first, hold)
+        recursion = recursion_of(cascade, dt, initial_state(cascade.n_states, initial) - first, hold)
         free = march(recursion, None, t.size, (len(names), cascade.D.shape[0]))
         z, last = z + free.outputs, last + free.final_state
     return z, _real_sum(amplitude, tones, t), last

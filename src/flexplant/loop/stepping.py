@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy.linalg
@@ -18,13 +18,15 @@ from flexplant.plant.state_space import StateSpace
 class Stepper:
     """eta, eta' and l of the next sample: modes by `modes` (n, 2, 2), the rest by A (m, m) and from_modes (m, 2n).
 
-    drive: (2 nw, 2 n + m) what w[k] and w[k+1] - w[k] add to [eta, eta', l] of the next sample.
+    drive: (2 nw, 2 n + m) what w[k] and w[k+1] - w[k] add to [eta, eta', l] of the next sample. forced: (2, n, 2) what a modal
+    force and its change over the step add to eta, eta'.
     """
 
     modes: FloatArray
     A: FloatArray
     from_modes: FloatArray
     drive: FloatArray
+    forced: FloatArray
 
 
 def stepper(cascade: Cascade, dt: float, hold: str) -> Stepper:
@@ -41,14 +43,17 @@ def stepper(cascade: Cascade, dt: float, hold: str) -> Stepper:
     transition, forced = _through_modes(cascade, dt)
     columns = [(modes.hold, rest.hold), (modes.ramp, rest.ramp)]
     drive = np.vstack([_drive_rows(cascade, *pair, forced[:, :, k], nw) for k, pair in enumerate(columns)])
-    return Stepper(modes=modes.transition, A=rest.transition, from_modes=transition, drive=drive)
+    ramp = np.zeros_like(modes.hold) if modes.ramp is None else modes.ramp
+    both = np.stack([modes.hold, ramp])
+    return Stepper(modes=modes.transition, A=rest.transition, from_modes=transition, drive=drive, forced=both)
 
 
 def _own_step(cascade: Cascade, dt: float) -> Stepper:
     if cascade.dt is None or abs(cascade.dt - dt) > 1e-6 * dt:
         raise InputError(f"the system has dt = {cascade.dt} s, but time advances by {dt:.9g} s; use a time axis of step dt")
     drive = np.vstack([cascade.B.T, np.zeros_like(cascade.B.T)])
-    return Stepper(modes=np.zeros((0, 2, 2)), A=cascade.A, from_modes=cascade.from_modes, drive=drive)
+    none = np.zeros((2, 0, 2))
+    return Stepper(modes=none.reshape(0, 2, 2), A=cascade.A, from_modes=cascade.from_modes, drive=drive, forced=none)
 
 
 def _rest_step(cascade: Cascade, dt: float, hold: str) -> Step:
@@ -96,4 +101,4 @@ def transition_of(cascade: Cascade, dt: float, steps: int) -> Stepper:
     if cascade.dt is None:
         return stepper(cascade, steps * dt, "zero")
     one = _own_step(cascade, dt)
-    return Stepper(modes=one.modes, A=np.linalg.matrix_power(one.A, steps), from_modes=one.from_modes, drive=one.drive)
+    return replace(one, A=np.linalg.matrix_power(one.A, steps))

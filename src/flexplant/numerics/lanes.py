@@ -1,0 +1,117 @@
+"""Eight doubles side by side as a type of compiled code: loops over modes whose arithmetic is the same on every machine.
+
+The order of every sum is written down, so that a result depends neither on the vector length of the processor nor on threads
+(multiply-adds are fused where the processor can). Imported only where numba is installed; see `compiled.numba`.
+"""
+
+from __future__ import annotations
+
+from llvmlite import ir
+from numba import types
+from numba.core import cgutils
+from numba.extending import intrinsic, models, register_model
+
+WIDTH = 8
+VECTOR = ir.VectorType(ir.DoubleType(), WIDTH)
+INDEX = ir.IntType(32)
+
+
+class Lanes(types.Type):
+    """Eight doubles."""
+
+    def __init__(self):
+        super().__init__(name="Lanes")
+
+
+lanes = Lanes()
+
+
+@register_model(Lanes)
+class LanesModel(models.PrimitiveModel):
+    """Kept in a vector register."""
+
+    def __init__(self, manager, kind):
+        super().__init__(manager, kind, VECTOR)
+
+
+def _shuffled(builder, a, b, places):
+    return builder.shuffle_vector(a, b, ir.Constant(ir.VectorType(INDEX, len(places)), list(places)))
+
+
+def _element(context, builder, signature, arguments):
+    """Pointer to an element of a contiguous array, by its place in memory."""
+    data = context.make_array(signature.args[0])(context, builder, arguments[0]).data
+    return builder.gep(data, [arguments[1]])
+
+
+@intrinsic
+def load(_, array, place):
+    """The eight values of a contiguous array from `place` on."""
+
+    def code(context, builder, signature, arguments):
+        pointer = builder.bitcast(_element(context, builder, signature, arguments), VECTOR.as_pointer())
+        return builder.load(pointer, align=8)
+
+    return lanes(array, types.intp), code
+
+
+@intrinsic
+def store(_, array, place, value):
+    """Write eight values into a contiguous array from `place` on."""
+
+    def code(context, builder, signature, arguments):
+        pointer = builder.bitcast(_element(context, builder, signature, arguments), VECTOR.as_pointer())
+        builder.store(arguments[2], pointer, align=8)
+        return context.get_dummy_value()
+
+    return types.none(array, types.intp, lanes), code
+
+
+@intrinsic
+def spread(_, array, place):
+    """One value of a contiguous array in all eight lanes."""
+
+    def code(context, builder, signature, arguments):
+        value = builder.load(_element(context, builder, signature, arguments))
+        empty = ir.Constant(VECTOR, ir.Undefined)
+        return _shuffled(builder, builder.insert_element(empty, value, ir.Constant(INDEX, 0)), empty, [0] * WIDTH)
+
+    return lanes(array, types.intp), code
+
+
+@intrinsic
+def zero(_):
+    """Eight zeros."""
+    return lanes(), lambda *_: ir.Constant(VECTOR, [0.0] * WIDTH)
+
+
+@intrinsic
+def times(_, a, b):
+    """a b."""
+    return lanes(lanes, lanes), lambda context, builder, signature, arguments: builder.fmul(*arguments)
+
+
+@intrinsic
+def add(_, a, b, c):
+    """a b + c."""
+
+    def code(context, builder, signature, arguments):
+        kind = ir.FunctionType(VECTOR, [VECTOR] * 3)
+        return builder.call(cgutils.get_or_insert_function(builder.module, kind, f"llvm.fmuladd.v{WIDTH}f64"), arguments)
+
+    return lanes(lanes, lanes, lanes), code
+
+
+@intrinsic
+def total(_, a):
+    """Sum of the lanes: halves added to halves."""
+
+    def code(context, builder, signature, arguments):
+        value, width = arguments[0], WIDTH
+        while width > 1:
+            half = width // 2
+            low, high = (_shuffled(builder, value, value, range(first, first + half)) for first in (0, half))
+            value, width = builder.fadd(low, high), half
+        return builder.extract_element(value, ir.Constant(INDEX, 0))
+
+    return types.float64(lanes), code
