@@ -8,7 +8,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from fmus import DT, VERSIONS, Fmu, N, coupled, fmpy, kinds, needs_gcc, plant
+from exported_plants import DT, N, coupled, kinds, needs_gcc, plant
+from fmus import VERSIONS, Fmu, fmpy
 from stepwise_simulation import simulate
 
 from flexplant.io import write_plant

@@ -12,7 +12,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from fmus import DT, GCC, VERSIONS, Fmu, fmpy, kinds, needs_gcc, plant
+from exported_plants import DT, GCC, kinds, needs_gcc, plant
+from fmus import VERSIONS, Fmu, fmpy
 
 from flexplant.errors import InputError, WriteError
 from flexplant.io import write_plant

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import scipy.sparse as sp
+from exported_plants import kinds
 from stepwise_simulation import simulate
 
 from flexplant.errors import InputError
@@ -22,7 +23,7 @@ from flexplant.response.frequency import frequency_response
 GCC, OCTAVE = shutil.which("gcc"), shutil.which("octave")
 needs_gcc = pytest.mark.skipif(GCC is None, reason="no C compiler (gcc)")
 needs_octave = pytest.mark.skipif(OCTAVE is None, reason="octave is not installed")
-FLAGS = ["-O3", "-std=c99", "-Wall", "-Wextra", "-pedantic", "-Werror"]
+FLAGS = ["-O3", "-std=c99", "-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Werror"]
 DT = 1e-3
 
 
@@ -69,27 +70,54 @@ def run_c(folder: Path, inputs: np.ndarray, *defines: str) -> np.ndarray:
     return np.array(done.stdout.split(), dtype=float).reshape(inputs.shape[1], -1).T
 
 
+def c_kinds() -> dict[str, object]:
+    return kinds() | {"acceleration": plant(), "displacements only": plant(shape_out_acceleration=None)}
+
+
 @needs_gcc
-@pytest.mark.parametrize("kind", ["modal", "displacements only", "full damping", "state space", "rigid only", "no modes"])
-def test_c_source_equals_our_simulation(tmp_path: Path, kind: str) -> None:
-    full = np.random.default_rng(1).standard_normal((20, 20))
-    given = {
-        "modal": plant(),
-        "displacements only": plant(shape_out_acceleration=None),
-        "full damping": plant(damping=full @ full.T),
-        "state space": discretize(plant(6), DT),
-        "rigid only": plant(2, omega=np.zeros(2)),
-        "no modes": plant(0),
-    }[kind]
-    write_plant(given, tmp_path / "p.c", **({} if kind == "state space" else {"dt": DT}))
-    u = np.random.default_rng(0).standard_normal((3, 400))
-    expected = simulate(given, np.arange(400) * DT, u)["outputs"].values
+@pytest.mark.parametrize("hold", ["zero", "first"])
+@pytest.mark.parametrize("kind", list(c_kinds()))
+def test_c_source_equals_our_simulation(tmp_path: Path, kind: str, hold: str) -> None:
+    given = c_kinds()[kind]
+    sampled = getattr(given, "dt", None) is not None
+    if sampled and hold == "first":
+        with pytest.raises(InputError, match="discrete, so its inputs are held"):
+            write_plant(given, tmp_path / "p.c", hold=hold)
+        return
+    write_plant(given, tmp_path / "p.c", **({} if sampled else {"dt": DT, "hold": hold}))
+    u = np.random.default_rng(0).standard_normal((len(given.inputs), 400))
+    before = np.hstack([np.zeros((len(u), 1)), u])  # linear inputs rise from zero over the step before the first
+    expected = simulate(given, np.arange(401) * DT, before, hold=hold)["outputs"].values[:, 1:]
     ours = run_c(tmp_path, u)
     assert abs(ours - expected).max() < 1e-12 * abs(expected).max()
     single = run_c(tmp_path, u, "-DP_REAL=float")
     assert abs(single - expected).max() < 1e-3 * abs(expected).max()
     names = subprocess.run([tmp_path / "run", "names"], capture_output=True, text=True, check=True).stdout
     assert names.splitlines() == list(given.inputs)
+
+
+@pytest.mark.parametrize("compiler", ["gcc", "clang"])
+@pytest.mark.parametrize("define", ["-DP_REAL=double", "-DP_REAL=float"])
+def test_c_source_compiles_without_a_warning(tmp_path: Path, compiler: str, define: str) -> None:
+    if shutil.which(compiler) is None:
+        pytest.skip(f"{compiler} is not installed")
+    for given in kinds().values():
+        write_plant(given, tmp_path / "p.c", dt=DT)
+        subprocess.run([compiler, *FLAGS, "-Wshadow", define, "-fsyntax-only", "p.c"], cwd=tmp_path, check=True)
+
+
+@needs_gcc
+@pytest.mark.parametrize("kind", ["modal", "full damping", "defective", "no states"])
+def test_c_source_runs_clean_under_sanitizers(tmp_path: Path, kind: str) -> None:
+    write_plant(kinds()[kind], tmp_path / "p.c", dt=DT)
+    (tmp_path / "main.c").write_text(DRIVER)
+    flags = ["-std=c99", "-g", "-O1", "-fsanitize=address,undefined", "-fno-sanitize-recover=all"]
+    built = subprocess.run([GCC, *flags, "-o", "run", "main.c", "p.c"], cwd=tmp_path, capture_output=True, text=True, check=False)
+    if "cannot find" in built.stderr:
+        pytest.skip("the compiler has no sanitizers")
+    assert built.returncode == 0, built.stderr
+    done = subprocess.run([tmp_path / "run"], input="1 2 3 " * 40, capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr) == (0, "")
 
 
 @needs_gcc

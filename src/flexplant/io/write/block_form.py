@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy.linalg
@@ -62,6 +62,22 @@ def export_form(plant: ModalPlant | StateSpace | Descriptor) -> BlockForm | Dens
     if isinstance(plant, ModalPlant):
         return _modes(plant) if plant.damping is None else _coupled(_scaled(plant))
     return _coupled(_balanced(state_space(plant)))
+
+
+def sampled_blocks(form: BlockForm, dt: float, hold: str) -> BlockForm:
+    """A continuous form sampled every dt seconds, exact for inputs held ("zero") or linear ("first", as `discretize`).
+
+    From the exponential of [[a dt, I, 0], [0, 0, I], [0, 0, 0]]: its first row has exp(a dt) and its integrals.
+    """
+    n = len(form.a)
+    augmented = np.zeros((n, 6, 6))
+    augmented[:, :2, :2] = form.a * dt
+    augmented[:, range(4), range(2, 6)] = 1.0
+    e = scipy.linalg.expm(augmented) if n else augmented
+    f, held, ramp = e[:, :2, :2], dt * e[:, :2, 2:4] @ form.b, dt * e[:, :2, 4:] @ form.b
+    if hold == "zero":
+        return replace(form, a=f, b=held, dt=dt)
+    return replace(form, a=f, b=held + f @ ramp - ramp, d=form.d + np.einsum("nsy,nsu->yu", form.c, ramp), dt=dt)
 
 
 def _modes(plant: ModalPlant) -> BlockForm:

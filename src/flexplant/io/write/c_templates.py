@@ -1,11 +1,11 @@
 """Texts of the C source of a plant; $names are filled in by `c_source`."""
 
 HEADER = """\
-/* $title: plant with $n states or modes, sampled every $dt s (zero-order hold). Written by flexplant.
+/* $title: plant with $n states or modes, sampled every $dt s, $hold. Written by flexplant.
 
    ${p}_state s;                          all memory there is, no heap
    ${p}_reset(&s);                        at rest
-   ${p}_step(&s, u, y);                   y = outputs now, then one step of $dt s with u held
+   ${p}_step(&s, u, y);                   y = outputs now, then one step of $dt s
    ${p}_output(&s, u, y) and ${p}_advance(&s, u) do the two halves, for loops that close on y.
    Define ${P}_REAL as float for single precision, the same for every file that includes this one. */
 #ifndef ${P}_H
@@ -60,7 +60,26 @@ const char *const ${p}_input_names[${P}_INPUTS] = {
 const char *const ${p}_output_names[${P}_OUTPUTS] = {
   $output_names};
 
+/* The numbers are doubles, and are rounded on purpose where ${P}_REAL is float. */
+#if defined __clang__
+#pragma clang diagnostic push
+#pragma clang diagnostic ignored "-Wconversion"
+#elif defined __GNUC__
+#pragma GCC diagnostic push
+#pragma GCC diagnostic ignored "-Wfloat-conversion"
+#elif defined _MSC_VER
+#pragma warning(push)
+#pragma warning(disable : 4305)
+#endif
 $tables
+#if defined __clang__
+#pragma clang diagnostic pop
+#elif defined __GNUC__
+#pragma GCC diagnostic pop
+#elif defined _MSC_VER
+#pragma warning(pop)
+#endif
+
 void ${p}_reset(${p}_state *state) {
   for (int i = 0; i < ${P}_SIZE; i++) {
     state->position[i] = 0;
@@ -77,10 +96,8 @@ void ${p}_step(${p}_state *state, const ${p}_real *u, ${p}_real *y) {
 """
 
 # Outputs are summed with the modes outside and the outputs inside: that vectorises without reordering a sum.
-MODAL = (
-    COMMON
-    + """
-/* y = position_out eta + velocity_out eta' + direct u */
+OUTPUT = """
+/* y = position_out x + velocity_out v + direct u, with x and v the two states of each mode or block */
 void ${p}_output(const ${p}_state *state, const ${p}_real *u, ${p}_real *y) {
   ${p}_real even[${P}_OUTPUTS], odd[${P}_OUTPUTS];
   for (int k = 0; k < ${P}_OUTPUTS; k++) {
@@ -94,8 +111,13 @@ void ${p}_output(const ${p}_state *state, const ${p}_real *u, ${p}_real *y) {
 $velocity_terms  }
   for (int k = 0; k < ${P}_OUTPUTS; k++) y[k] = even[k] + odd[k];
 }
+"""
 
-/* eta[k+1] = f eta[k] + h (shape_in u), the exact solution for a modal force that is constant over the step */
+MODAL = (
+    COMMON
+    + OUTPUT
+    + """
+/* eta[k+1] = f eta[k] + h (shape_in u), the exact solution over a step */
 void ${p}_advance(${p}_state *state, const ${p}_real *u) {
   ${p}_real held[${P}_INPUTS];
   for (int j = 0; j < ${P}_INPUTS; j++) held[j] = u[j];
@@ -105,6 +127,28 @@ void ${p}_advance(${p}_state *state, const ${p}_real *u) {
     for (int j = 0; j < ${P}_INPUTS; j++) force += ${p}_shape_in[j][i] * held[j];
     state->position[i] = ${p}_f00[i] * x + ${p}_f01[i] * v + ${p}_h0[i] * force;
     state->velocity[i] = ${p}_f10[i] * x + ${p}_f11[i] * v + ${p}_h1[i] * force;
+  }
+}
+"""
+)
+
+BLOCKS = (
+    COMMON
+    + OUTPUT
+    + """
+/* the two states of each block: x[k+1] = f x[k] + in u[k] */
+void ${p}_advance(${p}_state *state, const ${p}_real *u) {
+  ${p}_real held[${P}_INPUTS];
+  for (int j = 0; j < ${P}_INPUTS; j++) held[j] = u[j];
+  for (int i = 0; i < ${P}_SIZE; i++) {
+    const ${p}_real x = state->position[i], v = state->velocity[i];
+    ${p}_real first = 0, second = 0;
+    for (int j = 0; j < ${P}_INPUTS; j++) {
+      first += ${p}_first_in[j][i] * held[j];
+      second += ${p}_second_in[j][i] * held[j];
+    }
+    state->position[i] = ${p}_f00[i] * x + ${p}_f01[i] * v + first;
+    state->velocity[i] = ${p}_f10[i] * x + ${p}_f11[i] * v + second;
   }
 }
 """
@@ -123,7 +167,7 @@ void ${p}_output(const ${p}_state *state, const ${p}_real *u, ${p}_real *y) {
   for (int k = 0; k < ${P}_OUTPUTS; k++) {
     ${p}_real sum = 0;
     for (int i = 0; i < ${P}_SIZE; i++) sum += ${p}_c[k][i] * state->position[i];
-    for (int j = 0; j < ${P}_INPUTS; j++) sum += ${p}_d[k][j] * u[j];
+    for (int j = 0; j < ${P}_INPUTS; j++) sum += ${p}_direct[k][j] * u[j];
     y[k] = sum;
   }
 }
