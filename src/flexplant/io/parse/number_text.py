@@ -57,5 +57,5 @@ def integers(path: Path, values: FloatArray, what: str, lowest: int = 1) -> IntA
         whole = (values >= lowest) & (values < LARGEST_ID) & (values == np.floor(values))
     if not whole.all():
         bad = int(np.flatnonzero(~whole)[0])
-        raise ReadError(path, f"{what} {values[bad]!r} is not an integer from {lowest} on", record=f"entry {bad + 1}")
+        raise ReadError(path, f"{what} {float(values[bad])!r} is not an integer from {lowest} on", record=f"entry {bad + 1}")
     return values.astype(np.int64)
