@@ -16,7 +16,7 @@ __version__ = "0.1.0"
 _HOME = {
     "errors": ("FlexplantError", "InputError", "ModelError", "CouplingError", "ReadError", "SolverError", "PlausibilityWarning"),
     "model.component": ("Component", "FiniteElementModel"),
-    "model.damping": ("with_modal_damping",),
+    "model.damping": ("with_equivalent_viscous_damping", "with_modal_damping"),
     "model.dofs": ("DofSet",),
     "model.geometry": ("Nodes", "Placement", "cylindrical_frame", "rigid_body_vectors"),
     "model.recovery": ("Recovery",),
@@ -45,6 +45,7 @@ _HOME = {
     "plant.conversion": ("from_control", "from_scipy", "to_control", "to_scipy"),
     "response.norms": ("singular_values",),
     "response.margins": ("bandwidth_hz", "complementary_sensitivity", "crossing_hz", "margins", "sensitivity"),
+    "response.structural": ("structural_frequency_response",),
     "response.gain_sweep": ("GainSweep",),
     "response.grids": ("adaptive_grid",),
     "response.h2": ("h2_norm", "white_noise_rms"),

@@ -70,6 +70,7 @@ def couple(
         uncoupled_mass=_block([c.mass for c in parts]),
         uncoupled_stiffness=_block([c.stiffness for c in parts]) + _compliance(resolved, "stiffness", offsets, by_name),
         uncoupled_damping=_block([_damping(c) for c in parts]) + _compliance(resolved, "damping", offsets, by_name),
+        uncoupled_structural_damping=_structural(parts),
         constraints=sp.csr_array(rows[solved.independent]),
         constraint_labels=tuple(labels[i] for i in solved.independent),
         redundant=tuple(labels[i] for i in solved.redundant),
@@ -175,6 +176,12 @@ def _refuse_locked(
 
 def _damping(component: Component) -> Any:
     return sp.csr_array((component.n, component.n)) if component.damping is None else component.damping
+
+
+def _structural(parts: Sequence[Component]) -> sp.csr_array | None:
+    if all(c.structural_damping is None for c in parts):
+        return None
+    return _block([sp.csr_array((c.n, c.n)) if c.structural_damping is None else c.structural_damping for c in parts])
 
 
 def _block(matrices: Sequence[Any]) -> sp.csr_array:

@@ -31,7 +31,8 @@ class System:
 
     components; placements by name; connections: resolved, with rows and gaps; offsets: slice into p by component name;
     constraints: B (m, n) independent rows; constraint_labels: m names; redundant: names of rows left out because they
-    follow from the others; basis: L (n, r); uncoupled_*: (n, n) block diagonal plus compliant connections;
+    follow from the others; basis: L (n, r); uncoupled_*: (n, n) block diagonal plus compliant connections (structural damping:
+    of the components that have it, None without);
     springs: rows (k, n) of the relative motions that compliant connections resist, whatever their stiffness.
     Source: de Klerk, Rixen and Voormeeren 2008.
     """
@@ -44,6 +45,7 @@ class System:
     uncoupled_mass: sp.csr_array
     uncoupled_stiffness: sp.csr_array
     uncoupled_damping: sp.csr_array
+    uncoupled_structural_damping: sp.csr_array | None
     constraints: sp.csr_array
     constraint_labels: tuple[str, ...]
     redundant: tuple[str, ...]
@@ -88,6 +90,11 @@ class System:
     def damping(self) -> sp.csr_array:
         """Coupled damping (equation 10)."""
         return self._coupled(self.uncoupled_damping)
+
+    @cached_property
+    def structural_damping(self) -> sp.csr_array | None:
+        """Coupled structural damping D of the complex stiffness K + i D, in the form of the damping; None without."""
+        return None if self.uncoupled_structural_damping is None else self._coupled(self.uncoupled_structural_damping)
 
     @cached_property
     def stiffness(self) -> sp.csr_array:
@@ -138,6 +145,13 @@ class System:
         """Row of p of one coordinate; ModelError names what is missing."""
         found = self.component(component)
         return int(self.offsets[component].start) + found.dofs.row(node, direction, owner=f"component {component!r}")
+
+    def dof_row(self, component: str, node: int, direction: int) -> sp.csr_array:
+        """(1, n) row R over p of one coordinate, or of an interior DOF that the component kept: u = R p, p-forces R^T f."""
+        found = self.component(component)
+        if (node, direction) in found.interior:
+            return self.spread(component, sp.csr_array(found.interior_rows)[[found.interior.row(node, direction)], :])
+        return sp.csr_array(([1.0], ([0], [self.row(component, node, direction)])), shape=(1, self.n))
 
     @cached_property
     def labels(self) -> list[str]:

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from flexplant.errors import ModelError
-from flexplant.model.arrays import FloatArray, Matrix, checked_symmetric, dense, frozen
+from flexplant.model.arrays import FloatArray, Matrix, checked_matrix, checked_symmetric, dense, frozen
 from flexplant.model.dofs import DofSet
 from flexplant.model.geometry import Nodes
 from flexplant.model.recovery import Recovery
@@ -69,6 +69,9 @@ class Component:
 
     mass, stiffness, damping (or None): (n, n) symmetric, n = len(boundary) + n_modal; mass may be singular or indefinite.
     boundary: (node, direction) of the first rows. recovery: by name (a mapping, or a sequence of `Recovery`).
+    structural_damping: D (n, n) or None, so that the stiffness of a harmonic motion is K + i D.
+    interior: further (node, direction) where forces may act and displacements may be asked for, with interior_rows R
+    (len(interior), n): u = R p, and a force f there acts as R^T f.
     Raises ModelError with the names and shapes that disagree. Source: Craig and Bampton 1968; Hurty 1965.
     """
 
@@ -80,6 +83,9 @@ class Component:
     nodes: Nodes | None = None
     recovery: Mapping[str, Recovery] = field(default_factory=dict)
     modal_ids: Sequence[int] | None = None
+    structural_damping: Matrix | None = None
+    interior: DofSet = field(default_factory=lambda: DofSet.of(()))
+    interior_rows: Matrix | None = None
     source: Mapping[str, Any] = field(default_factory=dict)
     units: str = "SI"
 
@@ -92,9 +98,10 @@ class Component:
         object.__setattr__(self, "mass", mass)
         if len(boundary) > n:
             raise ModelError(f"{owner}: {len(boundary)} boundary DOF but matrices of shape {mass.shape}")
-        for kind in ("stiffness", "damping"):
-            if (matrix := getattr(self, kind)) is not None or kind != "damping":
-                object.__setattr__(self, kind, checked_symmetric(matrix, n, f"{owner}: {kind} matrix"))
+        for kind in ("stiffness", "damping", "structural_damping"):
+            if (matrix := getattr(self, kind)) is not None or kind == "stiffness":
+                what = f"{owner}: {kind.replace('_', ' ')} matrix"
+                object.__setattr__(self, kind, checked_symmetric(matrix, n, what))
         _check_nodes(owner, self.nodes, boundary)
         self._set_recovery(owner, n)
         modal = np.arange(1, self.n_modal + 1) if self.modal_ids is None else self.modal_ids
@@ -105,6 +112,18 @@ class Component:
         twice = sorted(n for n, d in self.boundary.pairs if d == 0 and n in set(ids.tolist()))
         if twice or np.unique(ids).size < ids.size:
             raise ModelError(f"{owner}: modal ids must be distinct, and distinct from scalar boundary DOF {twice[:8]}")
+        self._set_interior(owner, n)
+
+    def _set_interior(self, owner: str, n: int) -> None:
+        interior = DofSet.of(self.interior)
+        object.__setattr__(self, "interior", interior)
+        if self.interior_rows is None and not len(interior):
+            return
+        rows = np.zeros((0, n)) if self.interior_rows is None else self.interior_rows
+        object.__setattr__(self, "interior_rows", checked_matrix(rows, (len(interior), n), f"{owner}: interior rows"))
+        taken = [f"{node}-{d}" for node, d in interior.pairs if (node, d) in self.dofs]
+        if taken:
+            raise ModelError(f"{owner}: interior DOF {', '.join(taken[:8])} are boundary or modal coordinates already")
 
     def _set_recovery(self, owner: str, n: int) -> None:
         given: Any = self.recovery

@@ -10,7 +10,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from flexplant.errors import ModelError
-from flexplant.model.arrays import FloatArray, is_sparse
+from flexplant.model.arrays import FloatArray, is_number, is_sparse
 from flexplant.model.component import Component
 
 DampingRatio: TypeAlias = float | Sequence[float] | FloatArray | Sequence[tuple[float, float]]
@@ -42,7 +42,7 @@ def damping_ratios(ratio: DampingRatio, frequency_hz: FloatArray, what: str = "d
 def with_modal_damping(component: Component, ratio: DampingRatio) -> Component:
     """The component with Z = [[0, 0], [0, 2 xi w]] (equation 4); w from the diagonal of Kqq and Mqq.
 
-    ratio: see `damping_ratios`, one value a modal coordinate. Replaces any damping the component had.
+    ratio: see `damping_ratios`, one value a modal coordinate. Replaces any viscous damping the component had.
     """
     hz = component.fixed_interface_hz
     if np.isnan(hz).any():
@@ -52,3 +52,21 @@ def with_modal_damping(component: Component, ratio: DampingRatio) -> Component:
     diagonal = np.r_[np.zeros(component.n_boundary), 2 * xi * 2 * np.pi * hz * modal_mass]
     damping = sp.diags_array(diagonal).tocsr() if is_sparse(component.stiffness) else np.diag(diagonal)
     return replace(component, damping=damping)
+
+
+def with_equivalent_viscous_damping(component: Component, frequency_hz: float) -> Component:
+    """The component with its structural damping D turned into viscous damping, Z + D / (2 pi f): the same force at f only.
+
+    Its loss grows with frequency where the structure's is constant: w / (2 pi f) times it. A mode at f has the ratio g / 2 for
+    D = g K.
+    The component comes back as it is where it has none. Raises ModelError for a frequency that is not positive and finite.
+    """
+    if not (is_number(frequency_hz) and 0 < frequency_hz < np.inf):
+        raise ModelError(
+            f"component {component.name!r}: equivalent damping needs one positive frequency in Hz, got {frequency_hz}"
+        )
+    if component.structural_damping is None:
+        return component
+    viscous = component.structural_damping / (2 * np.pi * frequency_hz)
+    total = viscous if component.damping is None else component.damping + viscous
+    return replace(component, damping=total, structural_damping=None)

@@ -101,6 +101,15 @@ def _recovery_to_si(recovery: Recovery, d: FloatArray) -> Recovery:
     )
 
 
+def _interior_to_si(component: Component, d: FloatArray, units: UnitSystem) -> Matrix | None:
+    """Displacement rows: columns as the coordinates, rows as the DOF they give."""
+    if component.interior_rows is None:
+        return None
+    own = sp.diags_array(1 / _old_per_si(component.interior, units))
+    scaled = own @ component.interior_rows @ sp.diags_array(d)
+    return sp.csr_array(scaled) if sp.issparse(scaled) else np.asarray(scaled)
+
+
 def component_to_si(component: Component, units: str | UnitSystem | tuple[float, float]) -> Component:
     """The component converted to SI: energy scales by M L^2, so Mqq = I and frequencies stay as they are.
 
@@ -114,6 +123,8 @@ def component_to_si(component: Component, units: str | UnitSystem | tuple[float,
         mass=_scaled(component.mass, d, energy * system.mass_factor),
         stiffness=_scaled(component.stiffness, d, energy),
         damping=_scaled(component.damping, d, energy),
+        structural_damping=_scaled(component.structural_damping, d, energy),
+        interior_rows=_interior_to_si(component, d, system),
         nodes=_nodes_to_si(component.nodes, system),
         recovery={r.name: _recovery_to_si(r, d) for r in component.recovery.values()},
         units="SI",

@@ -60,16 +60,17 @@ class _Channel:
 def input_matrix(system: System, inputs: Sequence[str]) -> InputColumns:
     """Force inputs "component.node.direction": a unit force (N) or moment (N m) on that DOF, in the node's displacement frame.
 
-    Several digits expand ("bus.101.123"); direction 0 is a generalised force on a scalar or modal coordinate.
+    The DOF is on the boundary, or one of the component's `interior` (the `loads` of its reduction), where the force acts as
+    T^T F. Several digits expand ("bus.101.123"); direction 0 is a generalised force on a scalar or modal coordinate.
     Raises InputError with the nearest names for an unknown component, node or direction.
     """
-    found: list[tuple[str, int, str]] = []
+    found: list[tuple[str, sp.csr_array, str]] = []
     for name in _listed(inputs, "inputs"):
         component, node, directions = _dof_name(system, name)
         found += [(f"{component}.{node}.{d}", _row(system, component, node, d, name), _unit(d, "N", "N m")) for d in directions]
     names = _distinct([f[0] for f in found], "inputs")
     rows = [f[1] for f in found]
-    matrix = sp.csr_array((np.ones(len(rows)), (rows, np.arange(len(rows)))), shape=(system.n, len(rows)))
+    matrix = sp.csr_array(sp.vstack(rows).T) if rows else sp.csr_array((system.n, 0))
     return InputColumns(names, matrix, tuple(f[2] for f in found))
 
 
@@ -110,6 +111,13 @@ def checked_system(system: object, what: str) -> None:
         raise InputError(f"{what} takes a coupled System, got {type(system).__name__}; use couple([component]), reduced before")
 
 
+def refuse_structural_damping(system: System, what: str, instead: str) -> None:
+    """InputError where a component has structural damping, which has no time-domain form; `instead`: what to do."""
+    names = [c.name for c in system.components if c.structural_damping is not None]
+    if names:
+        raise InputError(f"{what}: component {names[0]!r} has structural damping, which has no time-domain form; {instead}")
+
+
 def _distinct(names: list[str], what: str) -> tuple[str, ...]:
     twice = sorted({name for name in names if names.count(name) > 1})
     if twice:
@@ -139,11 +147,12 @@ def _dof_name(system: System, name: str) -> tuple[str, int, tuple[int, ...]]:
     return component.name, node, directions
 
 
-def _row(system: System, component: str, node: int, direction: int, name: str) -> int:
+def _row(system: System, component: str, node: int, direction: int, name: str) -> sp.csr_array:
     try:
-        return system.row(component, node, direction)
+        return system.dof_row(component, node, direction)
     except InputError as error:
         labels = [label for label in system.labels if label.startswith(f"{component}.")]
+        labels += [f"{component}.{n}.{d}" for n, d in system.component(component).interior.pairs]
         raise InputError(f"{name!r}: {error}" + nearest(f"{component}.{node}.{direction}", labels)) from None
 
 
@@ -177,8 +186,7 @@ def _displacement(system: System, stem: str, suffix: str, order: int) -> list[_C
     component, node, directions = _dof_name(system, stem)
     out = []
     for d in directions:
-        at = _row(system, component, node, d, stem + suffix)
-        row = sp.csr_array(([1.0], ([0], [at])), shape=(1, system.n))
+        row = _row(system, component, node, d, stem + suffix)
         kind = ("displacement", "velocity", "acceleration")[order]
         unit = _unit(d, "m", "rad")
         out.append(_Channel(f"{component}.{node}.{d}{suffix}", {kind: row}, unit and unit + UNIT_SUFFIX[order]))

@@ -9,7 +9,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from flexplant.assembly import System
-from flexplant.plant.channels import OutputRows, checked_system, input_matrix, output_matrices
+from flexplant.plant.channels import OutputRows, checked_system, input_matrix, output_matrices, refuse_structural_damping
 from flexplant.plant.state_space import Descriptor
 
 
@@ -19,9 +19,14 @@ def descriptor(system: System, *, inputs: Sequence[str], outputs: Sequence[str],
     x = [z; z'], z the coupled coordinates: p and the multipliers (dual: M is padded with zeros, so E is singular) or the
     independent coordinates (primal). Each output with an acceleration part A_i z'' adds one algebraic state w_i = A_i z'':
     a row [0, A_i, 0] in E and [0, 0, 1] in A. Interface forces are lambda = (B B^T)^-1 B (F u - K p - Z p' - M p'').
-    Raises InputError with the nearest names for unknown inputs or outputs.
+    Raises InputError with the nearest names for unknown inputs or outputs, and for structural damping.
     """
     checked_system(system, "descriptor")
+    refuse_structural_damping(
+        system,
+        "descriptor",
+        "use structural_frequency_response, or with_equivalent_viscous_damping(component, hz) before coupling",
+    )
     columns, rows = input_matrix(system, inputs), output_matrices(system, outputs)
     basis = system.to_coupled(sp.eye_array(system.n, format="csr"))
     n, with_acceleration = system.n_coupled, _acceleration_rows(rows)

@@ -13,7 +13,7 @@ from flexplant.errors import InputError, ModelError, nearest
 from flexplant.model.arrays import FloatArray, real_values
 from flexplant.model.damping import DampingRatio
 from flexplant.modes import Modes, normal_modes
-from flexplant.plant.channels import OutputRows, checked_system, input_matrix, output_matrices
+from flexplant.plant.channels import OutputRows, checked_system, input_matrix, output_matrices, refuse_structural_damping
 from flexplant.plant.damping import ModalDamping, projected_damping, ratio_damping
 from flexplant.plant.fields import checked_dense, checked_names, checked_units, checked_vector
 from flexplant.plant.static_correction import residual_displacement
@@ -134,9 +134,15 @@ def modal_plant(
     damping, Phi^T Z Phi. off_diagonal_damping: "keep" or "drop" what couples modes; `report` states it either way.
     static_correction: adds the residual flexibility of all truncated modes to displacement outputs and interface forces.
     modes: those of an earlier normal_modes(system, ...), to save the solution.
-    Raises InputError for unknown names or choices, SolverError where modes or static correction cannot be computed.
+    Raises InputError for unknown names or choices, and for structural damping without ratios in its place, SolverError
+    where modes or static correction cannot be computed.
     """
     checked_system(system, "modal_plant")
+    if damping_ratio is None:
+        refuse_structural_damping(
+            system, "modal_plant",
+            "use structural_frequency_response, give damping_ratio, or couple with_equivalent_viscous_damping(component, hz)",
+        )  # fmt: skip
     if modes is not None and (not isinstance(modes, Modes) or modes.shapes.shape[0] != system.n):
         raise InputError(f"modal_plant: modes must be those of this system, with shapes over its {system.n} coordinates")
     if modes is None:

@@ -22,11 +22,13 @@ def hcb_component(
     error_rows: FloatArray | None = None,
     structural_damping: Matrix | None = None,
     recover: Iterable[tuple[int, int | str]] = (),
+    loads: DofSet | Iterable[tuple[int, int | str]] = (),
     keep_basis: Storage = False,
 ) -> ReducedComponent:
     """M = [[Mbb, Mbq], [Mqb, I]], K = [[Kbb, 0], [0, w^2]] (equations 2, 3) on u = [I, 0; Psi, Q] [b; q].
 
-    Kbq = Psi^T Kii Q + Kbi Q = 0 by the equation of the constraint modes. Damping matrices are projected.
+    Kbq = Psi^T Kii Q + Kbi Q = 0 by the equation of the constraint modes. Damping matrices are projected. loads: DOF whose
+    rows of T are kept as `interior_rows`, for forces and displacements; those of the boundary and scalar ones are left out.
     """
     part = interior.part
     model, n_b, n_q = part.model, part.b.size, interior.raw.shape[1]
@@ -39,6 +41,7 @@ def hcb_component(
     basis = _stored(part, interior, keep_basis)
     whole = part.full_basis(interior.vectors) if basis is None and any(d is not None for d in damped) else basis
     projected = [None if d is None or whole is None else project(d, whole) for d in damped]
+    named = [(n, d) for n, d in DofSet.of(loads).pairs if d and (n, d) not in part.boundary]
     return ReducedComponent(
         name=model.name,
         boundary=part.boundary,
@@ -46,6 +49,8 @@ def hcb_component(
         stiffness=stiffness,
         damping=projected[0],
         structural_damping=projected[1],
+        interior=DofSet.of(named),
+        interior_rows=_rows(part, interior, DofSet.of(named)) if named else None,
         nodes=model.nodes,
         recovery=_recovery(part, interior, list(recover)),
         source={**model.source, "reduction": str(report)},
@@ -68,7 +73,14 @@ def _stored(part: Partition, interior: Interior, keep_basis: Storage) -> FloatAr
 def _recovery(part: Partition, interior: Interior, recover: list[tuple[int, int | str]]) -> dict[str, Recovery]:
     if not recover:
         return {}
-    dofs, model, n_b = DofSet.of(recover), part.model, part.b.size
+    dofs = DofSet.of(recover)
+    labels = [f"{n}.{d}" for n, d in dofs.pairs]
+    return {"displacement": Recovery("displacement", labels, displacement=_rows(part, interior, dofs))}
+
+
+def _rows(part: Partition, interior: Interior, dofs: DofSet) -> FloatArray:
+    """(k, n_b + n_q) rows of T at some of the model's DOF."""
+    model, n_b = part.model, part.b.size
     wanted = model.dofs.rows(dofs.pairs, owner=f"model {model.name!r}")
     rows = np.zeros((wanted.size, n_b + interior.raw.shape[1]))
     held, free = np.flatnonzero(np.isin(wanted, part.b)), np.flatnonzero(np.isin(wanted, part.i))
@@ -76,8 +88,7 @@ def _recovery(part: Partition, interior: Interior, recover: list[tuple[int, int 
     rows[held, [place[int(row)] for row in wanted[held]]] = 1.0
     at = np.searchsorted(part.i, wanted[free])
     rows[free, :n_b], rows[free, n_b:] = part.constraint_modes[at], interior.vectors[at]
-    labels = [f"{n}.{d}" for n, d in dofs.pairs]
-    return {"displacement": Recovery("displacement", labels, displacement=rows)}
+    return rows
 
 
 def basis_bytes(model: FiniteElementModel, n: int) -> int:

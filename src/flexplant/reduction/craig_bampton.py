@@ -7,7 +7,7 @@ from collections.abc import Iterable
 import numpy as np
 
 from flexplant.errors import InputError
-from flexplant.model.arrays import FloatArray, Matrix, checked_symmetric, is_number
+from flexplant.model.arrays import Matrix, checked_symmetric, is_number
 from flexplant.model.component import FiniteElementModel
 from flexplant.model.damping import DampingRatio, with_modal_damping
 from flexplant.model.dofs import DofSet
@@ -15,7 +15,7 @@ from flexplant.numerics.lanczos import Progress
 from flexplant.reduction.accuracy import best_of_size, chosen_for
 from flexplant.reduction.budget import Drawn
 from flexplant.reduction.component import basis_bytes, hcb_component
-from flexplant.reduction.interior import Interior, fixed_interface
+from flexplant.reduction.interior import Interior, fixed_interface, load_columns
 from flexplant.reduction.partition import Partition
 from flexplant.reduction.reduced import ReducedComponent, ReductionReport, Storage
 
@@ -29,9 +29,9 @@ def craig_bampton(
     residual_vectors: int = 0,
     accuracy: float | None = None,
     size: int | None = None,
-    loads: Iterable[tuple[int, int | str]] = (),
+    loads: DofSet | Iterable[tuple[int, int | str]] = (),
     damping_ratio: DampingRatio | None = None,
-    structural_damping: Matrix | None = None,
+    structural_damping: Matrix | float | None = None,
     recover: Iterable[tuple[int, int | str]] = (),
     keep_basis: Storage = False,
     error_estimate: bool = True,
@@ -52,8 +52,9 @@ def craig_bampton(
     size: instead of these, the number of q that may be spent: the exact modes up to a little above `max_frequency_hz` and
     the vectors that the worst boundary motions below it need most, drawn from a larger basis; the report states the bound.
     loads: interior DOF where forces will act; their static answers, and further blocks of them, join the residual vectors.
+    "component.node.direction" then names them as inputs and outputs of a plant (`Component.interior`).
     damping_ratio: modal damping of q (equation 4); without it a physical damping matrix of the model is projected.
-    structural_damping: (n, n) matrix D of a complex stiffness K + i D, projected into `.structural_damping`.
+    structural_damping: (n, n) matrix D of a complex stiffness K + i D, or a loss factor g for D = g K; projected.
     recover: DOF whose displacements become the recovery "displacement", labels "node.direction".
     keep_basis: True, or a function shape -> array (for example a numpy memmap) to hold the basis that `expand` needs.
     error_estimate: keep the rows that `estimate_error` needs, which costs one more block of solutions.
@@ -68,6 +69,7 @@ def craig_bampton(
     if not isinstance(model, FiniteElementModel):
         raise InputError(f"craig_bampton reduces a FiniteElementModel, got {type(model).__name__}")
     part = Partition.of(model, boundary, threads=threads, memory_limit=memory_limit, backend=backend)
+    loads = DofSet.of(loads)
     forces = load_columns(part, loads)
     verified = None
     if accuracy is not None and max_frequency_hz is not None and part.i.size:
@@ -84,6 +86,7 @@ def craig_bampton(
         error_rows=interior.error_rows if error_estimate and part.i.size else None,
         structural_damping=_checked_damping(model, structural_damping),
         recover=recover,
+        loads=loads,
         keep_basis=keep_basis,
     )
     return component if damping_ratio is None else with_modal_damping(component, damping_ratio)  # type: ignore[return-value]
@@ -123,17 +126,11 @@ def _is_count(value: object) -> bool:
     return isinstance(value, (int, np.integer)) and not isinstance(value, bool) and bool(value >= 0)
 
 
-def load_columns(part: Partition, loads: Iterable[tuple[int, int | str]]) -> FloatArray:
-    """(n_i, k) unit forces at the given DOF; those at the boundary need no vectors and are left out."""
-    dofs = DofSet.of(loads)
-    rows = part.model.dofs.rows(dofs.pairs, owner=f"model {part.model.name!r}") if len(dofs) else np.zeros(0, dtype=np.int64)
-    inside = rows[np.isin(rows, part.i)]
-    columns = np.zeros((part.i.size, inside.size))
-    columns[np.searchsorted(part.i, inside), np.arange(inside.size)] = 1.0
-    return columns
-
-
-def _checked_damping(model: FiniteElementModel, matrix: Matrix | None) -> Matrix | None:
+def _checked_damping(model: FiniteElementModel, matrix: Matrix | float | None) -> Matrix | None:
+    if is_number(matrix):
+        if not 0 <= matrix < np.inf:
+            raise InputError(f"craig_bampton: a loss factor must be finite and not negative, got {matrix}")
+        return matrix * model.stiffness
     return None if matrix is None else checked_symmetric(matrix, len(model.dofs), f"model {model.name!r}: structural damping")
 
 

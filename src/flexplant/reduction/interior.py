@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -10,6 +11,7 @@ import scipy.linalg as la
 
 from flexplant.errors import InputError
 from flexplant.model.arrays import FloatArray
+from flexplant.model.dofs import DofSet
 from flexplant.numerics.eigen import Wanted, dense_eigenpairs, shift_invert
 from flexplant.numerics.lanczos import BASIS_BYTES, Progress
 from flexplant.reduction.partition import Partition, project, symmetric
@@ -181,6 +183,16 @@ def _enough(part: Partition, omega2: FloatArray, limit: float | None, n_modes: i
     if n_modes is not None and limit is None and omega2.size < n_modes:
         raise InputError(f"craig_bampton: {n_modes} modes asked, the held model {part.model.name!r} has {omega2.size}")
     return omega2
+
+
+def load_columns(part: Partition, loads: DofSet | Iterable[tuple[int, int | str]]) -> FloatArray:
+    """(n_i, k) unit forces at the given DOF; those at the boundary need no vectors and are left out."""
+    dofs = DofSet.of(loads)
+    rows = part.model.dofs.rows(dofs.pairs, owner=f"model {part.model.name!r}") if len(dofs) else np.zeros(0, dtype=np.int64)
+    inside = rows[np.isin(rows, part.i)]
+    columns = np.zeros((part.i.size, inside.size))
+    columns[np.searchsorted(part.i, inside), np.arange(inside.size)] = 1.0
+    return columns
 
 
 def coupling(interior: Interior) -> FloatArray:

@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from flexplant.errors import InputError
-from flexplant.model.arrays import FloatArray, Matrix
+from flexplant.model.arrays import FloatArray
 from flexplant.model.component import Component
 from flexplant.model.dofs import DofSet
 
@@ -59,8 +59,7 @@ class ReductionReport:
 class ReducedComponent(Component):
     """A component made by a reduction, u = T p.
 
-    basis: T (n_model, n) or None; rows are the model's `model_dofs`. structural_damping: T^T D T (n, n) of a structural damping
-    matrix D, so that the complex stiffness is K + i D; None without. error_rows: L (k, n) with which a coupled mode p of
+    basis: T (n_model, n) or None; rows are the model's `model_dofs`. error_rows: L (k, n) with which a coupled mode p of
     w^2 has the residual energy |w^2 L p|^2 that the basis cannot balance; None where it was not asked for.
     """
 
@@ -69,7 +68,6 @@ class ReducedComponent(Component):
     reduced_units: str
     basis: FloatArray | None = None
     error_rows: FloatArray | None = None
-    structural_damping: Matrix | None = None
     extra: Mapping[str, Any] = field(default_factory=dict)
 
 

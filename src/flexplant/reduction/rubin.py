@@ -14,7 +14,7 @@ from flexplant.model.dofs import DofSet
 from flexplant.numerics.lanczos import Progress, lanczos
 from flexplant.reduction.component import basis_bytes, hcb_component
 from flexplant.reduction.free import FreeSolve
-from flexplant.reduction.interior import Interior, orthonormal, without
+from flexplant.reduction.interior import Interior, load_columns, orthonormal, without
 from flexplant.reduction.partition import Partition
 from flexplant.reduction.reduced import ReducedComponent, ReductionReport, Storage
 
@@ -28,6 +28,7 @@ def rubin(
     max_frequency_hz: float | None = None,
     n_modes: int | None = None,
     damping_ratio: DampingRatio | None = None,
+    loads: DofSet | Iterable[tuple[int, int | str]] = (),
     recover: Iterable[tuple[int, int | str]] = (),
     keep_basis: Storage = False,
     progress: Progress | None = None,
@@ -40,7 +41,8 @@ def rubin(
     Rubin's basis, u = R a + Phi eta + G_res f_b, spans the same space as the constraint modes [I; Psi], the free modes Phi and
     the inertia-relief answers Kii^-1 S R_b to rigid-body acceleration. So the component is given in standard HCB form: the
     interior vectors Phi_i - Psi Phi_b and Kii^-1 S R_b, made orthogonal and diagonalised. All modes of the free component
-    are exact, and so are statics. n_modes counts elastic modes. Other arguments and errors as for `craig_bampton`.
+    are exact, and so are statics, also of forces at the interior DOF `loads`. n_modes counts elastic modes. Other
+    arguments and errors as for `craig_bampton`.
     Sources: Rubin 1975; MacNeal 1971; Craig and Chang 1977.
     """
     if max_frequency_hz is None and n_modes is None:
@@ -53,7 +55,8 @@ def rubin(
     n_b, psi = part.b.size, part.constraint_modes
     relief = part.factor.solve(part.inertia_load @ free.rigid[:n_b]) if free.rigid.shape[1] else np.zeros((part.i.size, 0))
     none = np.zeros((part.i.size, 0))
-    wanted = np.hstack([shapes[n_b:] - psi @ shapes[:n_b], relief])
+    loads = DofSet.of(loads)
+    wanted = np.hstack([shapes[n_b:] - psi @ shapes[:n_b], relief, part.factor.solve(load_columns(part, loads))])
     vectors = orthonormal(without(wanted, none, part), none, part)
     interior = Interior(part, none, np.zeros(0), 0.0, False, none, vectors, blocks=1)
     report = ReductionReport(
@@ -63,7 +66,7 @@ def rubin(
         max_frequency_hz=max_frequency_hz,
         basis_bytes=basis_bytes(model, n_b + vectors.shape[1]),
     )
-    component = hcb_component(interior, report, recover=recover, keep_basis=keep_basis)
+    component = hcb_component(interior, report, recover=recover, loads=loads, keep_basis=keep_basis)
     return component if damping_ratio is None else with_modal_damping(component, damping_ratio)  # type: ignore[return-value]
 
 
