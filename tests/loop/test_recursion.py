@@ -1,10 +1,14 @@
 """The lifted recursion: against stepping one by one, in any chunk, decimated, compiled or not."""
 
+import os
+import subprocess
+import sys
+
 import numpy as np
 import pytest
 
 from flexplant.blocks.delay import sample_delay
-from flexplant.loop import lifted, recursion
+from flexplant.loop import fused, lifted, recursion
 from flexplant.loop.cascade import cascade_of
 from flexplant.loop.line_of_sight import line_of_sight_diagram
 from flexplant.loop.stepping import stepper
@@ -22,8 +26,11 @@ def one_by_one(cascade, dt, w, state, hold):
     return np.array(out).T, x
 
 
-def march(cascade, dt, w, state, hold, every=1):
-    runner = recursion.Recursion(cascade, dt, state, hold, every)
+ENGINES = {"lifted": recursion.Recursion, "fused": fused.FusedRecursion}
+
+
+def march(cascade, dt, w, state, hold, every=1, engine="lifted"):
+    runner = ENGINES[engine](cascade, dt, state, hold, every)
     return recursion.march(runner, w, w.shape[1], cascade.D.shape[::-1], every)
 
 
@@ -31,21 +38,23 @@ def error(a, b):
     return float(abs(a - b).max() / abs(b).max())
 
 
+@pytest.mark.parametrize("engine", list(ENGINES))
 @pytest.mark.parametrize("hold", ["zero", "first"])
 @pytest.mark.parametrize("every", [1, 3, 25, 64, 509])
-def test_lifted_equals_one_by_one(published, make_plant, hold, every):
+def test_blocks_equal_one_by_one(published, make_plant, hold, every, engine):
     cascade = cascade_of(line_of_sight_diagram(published, make_plant(n_rigid=0), signals=("spot", "angle", "tilt")))
     rng = np.random.default_rng(3)
     w, state = rng.normal(size=(6, 1200)), rng.normal(size=cascade.n_states) * 1e-7
     order = np.r_[cascade.modal_states, cascade.other_states]
     outputs, final = one_by_one(cascade, 2e-4, w, state[order], hold)
-    run = march(cascade, 2e-4, w, state, hold, every)
+    run = march(cascade, 2e-4, w, state, hold, every, engine)
     assert error(run.outputs, outputs[:, ::every]) < 1e-12
     assert error(run.final_state[order], final) < 1e-12
 
 
+@pytest.mark.parametrize("engine", list(ENGINES))
 @pytest.mark.parametrize("zeta", [0.0, 1e-4, 0.5, 1.0])
-def test_slow_modes_near_one(zeta):
+def test_slow_modes_near_one(zeta, engine):
     """Modes whose z is within 1e-9 of 1, and rigid-body modes, at any damping."""
     omega = np.array([0.0, 1e-6, 1e-3, 0.1, 30.0, 2e3])
     rng = np.random.default_rng(0)
@@ -54,7 +63,7 @@ def test_slow_modes_near_one(zeta):
     )
     cascade, w, state = cascade_of(plant), rng.normal(size=(2, 3000)), np.zeros(12)
     outputs, _ = one_by_one(cascade, 1e-3, w, state, "first")
-    run = march(cascade, 1e-3, w, state, "first")
+    run = march(cascade, 1e-3, w, state, "first", engine=engine)
     assert (abs(run.outputs - outputs).max(axis=1) <= 1e-12 * abs(outputs).max(axis=1)).all()
 
 
@@ -72,8 +81,103 @@ def test_compiled_and_plain_recursion_agree(published, plant):
     assert error(results[2], results[1]) < 1e-13
 
 
-def test_discrete_systems_are_lifted_too():
+@pytest.mark.parametrize("engine", list(ENGINES))
+def test_discrete_systems_are_stepped_too(engine):
     delay = sample_delay(7, 0.1)
     w = np.random.default_rng(0).normal(size=(1, 500))
-    run = march(cascade_of(delay), 0.1, w, np.zeros(7), "first", 10)
+    run = march(cascade_of(delay), 0.1, w, np.zeros(7), "first", 10, engine)
     assert np.array_equal(run.outputs[0, 1:], w[0, 3:-7:10])
+
+
+@pytest.mark.parametrize("n", [1, 16, 17])
+@pytest.mark.parametrize(("nu", "ny"), [(1, 1), (9, 3), (2, 11)])
+def test_any_number_of_modes_inputs_and_outputs(n, nu, ny):
+    """Padded to whole lanes, with velocities, accelerations, static parts and rows that are multiples of one another."""
+    rng = np.random.default_rng(n)
+    rows = {f"shape_out{kind}": rng.normal(size=(ny, n)) for kind in ("", "_velocity", "_acceleration")}
+    rows = {kind: np.where(np.arange(ny)[:, None] == 1, -3 * values[:1], values) for kind, values in rows.items()}
+    plant = ModalPlant(
+        omega=np.r_[0.0, rng.uniform(1, 2000, n - 1)],
+        zeta=rng.uniform(0, 1, n),
+        shape_in=rng.normal(size=(n, nu)),
+        static_correction=rng.normal(size=(ny, nu)),
+        inputs=[f"u{k}" for k in range(nu)],
+        outputs=[f"y{k}" for k in range(ny)],
+        **rows,
+    )
+    cascade, w, state = cascade_of(plant), rng.normal(size=(nu, 203)), rng.normal(size=2 * n)
+    for hold in ("zero", "first"):
+        outputs, final = one_by_one(cascade, 1e-3, w, state, hold)
+        run = march(cascade, 1e-3, w, state, hold, engine="fused")
+        assert (abs(run.outputs - outputs).max(axis=1) <= 1e-12 * abs(outputs).max(axis=1)).all()
+        assert error(run.final_state, final) < 1e-12
+
+
+def test_rows_that_are_multiples_are_read_once():
+    rows = np.array([[0.0, 0.0], [1.0, 2.0], [-2.0, -4.0], [1.0, 2.1], [0.5, 1.05]])
+    share, row, chosen = fused.shared_rows(rows)
+    assert chosen == [1, 3]
+    assert np.array_equal(share[:, None] * rows[chosen][row], rows)
+
+
+def test_exact_to_twelve_digits_against_long_double():
+    """Every mode and the mirror stepped in 64-bit mantissas, from the same exact coefficients: what the order of sums costs."""
+    rng = np.random.default_rng(5)
+    plant = ModalPlant(
+        omega=2 * np.pi * np.r_[0.0, 1e-4, 1e-2, rng.uniform(1, 4000, 60)],
+        zeta=np.r_[0.0, 0.0, 1.0, np.full(60, 0.005)],
+        shape_in=rng.normal(size=(63, 3)),
+        shape_out=rng.normal(size=(4, 63)),
+        inputs=list("abc"),
+        outputs=list("wxyz"),
+    )
+    cascade, w, dt = cascade_of(plant), rng.normal(size=(3, 5000)), 1e-4
+    one = stepper(cascade, dt, "zero")
+    F, drive = one.modes.astype(np.longdouble), one.drive[:3].astype(np.longdouble)
+    q, v, expected = np.zeros(63, dtype=np.longdouble), np.zeros(63, dtype=np.longdouble), []
+    for k in range(w.shape[1]):
+        expected.append(plant.shape_out.astype(np.longdouble) @ q)
+        forced = w[:, k] @ drive
+        q, v = F[:, 0, 0] * q + F[:, 0, 1] * v + forced[:63], F[:, 1, 0] * q + F[:, 1, 1] * v + forced[63:]
+    expected = np.array(expected).T
+    for engine in ENGINES:
+        run = march(cascade, dt, w, np.zeros(126), "zero", engine=engine)
+        assert (abs(run.outputs - expected).max(axis=1) <= 1e-12 * abs(expected).max(axis=1)).all()
+
+
+THREADS = """
+import numpy as np
+from flexplant.blocks.sampled import saturation
+from flexplant.loop.diagram import Diagram
+from flexplant.loop.line_of_sight import LineOfSight, line_of_sight_diagram
+from flexplant.loop.simulate import simulate
+from flexplant.plant.modal import ModalPlant
+
+rng = np.random.default_rng(0)
+plant = ModalPlant(
+    omega=np.r_[0.0, np.sort(rng.uniform(5, 6000, 199))], zeta=0.005, shape_in=rng.normal(size=(200, 6)),
+    shape_out=rng.normal(size=(6, 200)), inputs=[f"u{k}" for k in range(6)], outputs=[f"y{k}" for k in range(6)],
+)
+los = LineOfSight(focal_length=1.5, gain=1800.0, mirror_omega=100.0, mirror_zeta=0.3)
+loop = line_of_sight_diagram(los, plant, plant_outputs=["y0", "y1"], signals=("spot", "angle", "tilt"))
+limited = Diagram(
+    blocks={"plant": plant, "clip": saturation(-1.0, 1.0)}, connections=[("plant.y0", "clip.u"), ("clip.y", "plant.u0")],
+    inputs={f"u{k}": f"plant.u{k}" for k in range(1, 6)}, outputs={"y": "plant.y1", "p": "clip.y"},
+)
+t = np.arange(9001) * 1e-4
+for system in (plant, loop, limited):
+    result = simulate(system, t, rng.normal(size=(len(system.inputs), t.size)))
+    print(result.outputs.values.tobytes().hex()[-4000:], result.final_state.values.tobytes().hex())
+"""
+
+
+def test_one_and_more_threads_give_the_same_bits():
+    """Open loop, closed loop, and a saturation with the modes inside its loop."""
+    found = []
+    for threads in ("1", "2", "3"):
+        names = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
+        environment = {**os.environ, **dict.fromkeys(names, threads)}
+        run = subprocess.run([sys.executable, "-c", THREADS], env=environment, capture_output=True, text=True, check=True)
+        found.append(run.stdout)
+    assert found[0]
+    assert found[0] == found[1] == found[2]
