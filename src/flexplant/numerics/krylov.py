@@ -37,7 +37,7 @@ class Krylov:
         self.size = self.last = self.locked
         self.exhausted = False
         self.coupling = np.zeros((0, 0))
-        self._images: FloatArray | None = None  # M V of the local columns
+        self._local: tuple[FloatArray, ...] = ()  # M V of the newest blocks, at most two; none after a restart
         start = self._random_block(block)
         image = mass @ start
         self._append(start, image, norms(start, image).max(initial=0.0))
@@ -60,26 +60,27 @@ class Krylov:
     def step(self) -> None:
         """W = OP V_j; orthogonal to the local blocks, which extends T, then to all; Q of W = Q B is the next block."""
         low, last, end = self.locked, self.last, self.size
-        mine = self.mass @ self.basis[:, last:end] if self._images is None else self._images[:, last - end :]
+        mine = self._local[-1] if self._local else self.mass @ self.basis[:, last:end]
         block = self.solve(mine)
-        image = self.mass @ block
-        scale = norms(block, image).max(initial=0.0)
-        first = low if self._images is None else end - self._images.shape[1]
-        share = self.basis[:, first:end].T @ image
+        if self._local:
+            share = np.vstack([image.T @ block for image in self._local])
+        else:
+            share = self.basis[:, low:end].T @ (self.mass @ block)
+        first = end - share.shape[0]
         block = minus(block, self.basis[:, first:end], share)
+        image = self.mass @ block
+        scale = float(np.hypot(np.linalg.norm(share, axis=0), norms(block, image)).max(initial=0.0))
         self.projection[first - low : end - low, last - low : end - low] = share
         self.projection[last - low : end - low, first - low : end - low] = share.T
-        image = self.mass @ block if self._images is None else image - (share.T @ self._images.T).T
         self.last = end
         self.coupling = self._append(block, image, scale)
-        newest = self._images[:, -(self.size - end) :] if self._images is not None and self.size > end else mine[:, :0]
-        self._images = np.hstack([mine, newest])
+        self._local = (mine, *self._local[-1:])
 
     def _append(self, block: FloatArray, image: FloatArray, scale: float) -> FloatArray:
         """Add Q of block = Q B, completed to the block's width; returns B, (width of Q, columns of block)."""
         block, image = self._purged(block, image)
         q, image, b = factored(block, image, DEPENDENT * scale)
-        if b.size and np.linalg.svd(b, compute_uv=False).min() < SHRUNK * scale:
+        if b.size and smallest(b) < SHRUNK * scale:
             q, image, again = factored(*self._purged(q, image), 0.5)
             b = again @ b
         if q.shape[1] < self.block:
@@ -88,7 +89,7 @@ class Krylov:
             b = np.vstack([b, np.zeros((fresh.shape[1], b.shape[1]))])
         self.basis[:, self.size : self.size + q.shape[1]] = q
         self.size += q.shape[1]
-        self._images = image
+        self._local = (image,)
         return b
 
     def _fresh(self, q: FloatArray, image: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -125,7 +126,7 @@ class Krylov:
         self.basis[:, low + keep : low + keep + wide] = residual
         self.projection[:] = 0.0
         self.projection[:keep, :keep] = np.diag(theta)
-        self.last, self.size, self._images = low + keep, low + keep + wide, None
+        self.last, self.size, self._local = low + keep, low + keep + wide, ()
 
 
 def minus(block: FloatArray, columns: FloatArray, share: FloatArray) -> FloatArray:
@@ -140,17 +141,25 @@ def norms(block: FloatArray, image: FloatArray) -> FloatArray:
     return np.asarray(np.sqrt(np.maximum(np.einsum("ij,ij->j", block, image), 0.0)))
 
 
+def smallest(b: FloatArray) -> float:
+    """A lower bound of the smallest singular value of B (r, k), sharp to a factor k: 1 / |B^-1|."""
+    return float(1 / np.linalg.norm(np.linalg.inv(b))) if b.shape[0] == b.shape[1] else 0.0
+
+
 def factored(block: FloatArray, image: FloatArray, limit: float) -> tuple[FloatArray, FloatArray, FloatArray]:
     """block = Q B with Q^T M Q = I, given image = M block; also M Q. Directions not larger than `limit` are left out."""
-    size = norms(block, image)
-    live = size > limit
-    q, image, b = block[:, live] / size[live], image[:, live] / size[live], np.diag(size)[live]
+    b = np.eye(block.shape[1])
     for cut in (DEPENDENT, 0.0):
-        gram = q.T @ image
-        values, vectors = np.linalg.eigh(0.5 * (gram + gram.T))
+        gram = block.T @ image
+        size = np.sqrt(np.maximum(np.diagonal(gram), 0.0))
+        live = np.flatnonzero(size > limit)
+        size, limit = size[live], 0.0
+        values, vectors = np.linalg.eigh(0.5 * (gram + gram.T)[np.ix_(live, live)] / np.outer(size, size))
         keep = values > max(cut, EPS * gram.shape[0])
         root, vectors = np.sqrt(values[keep]), vectors[:, keep]
-        q, image, b = q @ (vectors / root), image @ (vectors / root), root[:, None] * (vectors.T @ b)
+        turn = np.zeros((block.shape[1], root.size))
+        turn[live] = vectors / root / size[:, None]
+        block, image, b = block @ turn, image @ turn, root[:, None] * (vectors.T @ (size[:, None] * b[live]))
         if values.size and values[0] > WELL_CONDITIONED:
             break
-    return q, image, b
+    return block, image, b

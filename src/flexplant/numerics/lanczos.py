@@ -17,7 +17,8 @@ SEED = 20190811
 BLOCK = 8  # a block of 8 columns solves 4-5 times cheaper a column than one by one
 TOLERANCE = 1e-8  # of a Ritz value of the inverse: eigenvalues then are exact to round-off
 BASIS_BYTES = 4e9  # the basis never takes more; beyond that Lanczos restarts thickly
-CHEAP_BLOCK = 5000  # unknowns from which a block costs more than a test for convergence, a dense eigenproblem of the basis
+FIRST_TEST = 6  # blocks, and two columns a wanted mode: no basis has been seen to converge before
+NEXT_TEST = 0.5  # of the blocks after which the decay seen so far would meet the tolerance
 MAX_RESTARTS = 60
 
 
@@ -62,25 +63,45 @@ def lanczos(
     capacity = _capacity(n, n_modes, block, memory_limit)
     space = Krylov(solve, mass, locked, capacity, block, SEED)
     blocks = restarts = 0
-    check = int(1.5 * n_modes)
+    test = _Schedule(2 * n_modes + FIRST_TEST * block, block, tolerance)
     while space.size > space.last:
         if not space.room:
             restarts += 1
             _restart(space, n_modes, below, restarts)
         space.step()
         blocks += 1
-        used = space.last - space.locked
-        if used < check and not space.exhausted and space.room:
+        if not test.due(space.last - space.locked) and not space.exhausted and space.room:
             continue
-        check = used + block * (max(3, used // (6 * block)) if n < CHEAP_BLOCK else max(1, used // (24 * block)))
         theta, _, residual = space.ritz()
         pick = _wanted(theta, n_modes, below)
-        good = residual[pick] <= tolerance * abs(theta[pick])
+        error = residual[pick] / abs(theta[pick])
         if progress is not None:
-            progress("modes", float(np.count_nonzero(good)) / max(n_modes, 1))
-        if pick.size == n_modes and good.all():
+            progress("modes", float(np.count_nonzero(error <= tolerance)) / max(n_modes, 1))
+        if pick.size == n_modes and (error <= tolerance).all():
             break
+        test.failed(space.last - space.locked, float(error.max(initial=0.0)) if pick.size == n_modes else 1.0)
     return _pairs(space, n_modes, below, shift, blocks, restarts)
+
+
+class _Schedule:
+    """When a test for convergence, a dense eigenproblem of the basis, is worth its time."""
+
+    def __init__(self, first: int, block: int, tolerance: float) -> None:
+        self.next, self.block, self.tolerance = first, block, tolerance
+        self.seen: tuple[int, float] | None = None
+
+    def due(self, used: int) -> bool:
+        """Whether a basis of `used` columns should be tested."""
+        return used >= self.next
+
+    def failed(self, used: int, error: float) -> None:
+        """Test again when the worst error, if it keeps falling as it did since the last test, is close to the tolerance."""
+        wait = float(self.block)
+        if self.seen is not None and used > self.seen[0] and 0 < error < self.seen[1]:
+            rate = np.log(self.seen[1] / error) / (used - self.seen[0])
+            wait = NEXT_TEST * float(np.log(error / self.tolerance)) / rate
+        self.seen = (used, error)
+        self.next = used + self.block * int(np.clip(wait // self.block, 1, max(1, used // (2 * self.block))))
 
 
 def _capacity(n: int, n_modes: int, block: int, memory_limit: float) -> int:

@@ -33,7 +33,7 @@ class FreeSolve:
         """Scale, eigenvalues and eigenvectors of the condensed stiffness with a unit diagonal."""
         condensed = self.part.condensed("stiffness")
         size = np.sqrt(np.maximum(np.diagonal(condensed), np.finfo(float).tiny))
-        reference = np.sqrt(np.maximum(dense(self.part.block("stiffness", self.part.b, self.part.b)).diagonal(), 0.0))
+        reference = np.sqrt(np.maximum(self.part.stiffness[2].diagonal(), 0.0))
         size = np.maximum(size, 1e-3 * reference)
         values, vectors = la.eigh(condensed / np.outer(size, size))
         if values[0] < -RIGID:

@@ -14,10 +14,12 @@ from flexplant.errors import ModelError, SolverError
 from flexplant.model.arrays import FloatArray, IntArray, dense
 from flexplant.model.component import FiniteElementModel
 from flexplant.model.dofs import DofSet
+from flexplant.numerics.completion import completed
 from flexplant.numerics.eigen import count_below
 from flexplant.numerics.factorization import Analysis, Factor, analyze, factorize, refuse_above
 from flexplant.reduction.mechanism import described
 
+GROUPED = 20_000  # unknowns from which an ordering by nodes repays the pattern it needs
 SINGULAR = 1e13  # growth of a solve beyond which the interior stiffness is singular to working precision
 SEED = 20190811
 
@@ -55,22 +57,38 @@ class Partition:
         """Sparse block of "mass" or "stiffness"."""
         return sp.csr_array(sp.csr_array(getattr(self.model, kind))[rows][:, columns])
 
-    @cached_property
-    def kii(self) -> sp.csr_array:
-        """Interior stiffness, without stored zeros, so that the pattern is that of every K - s M."""
-        kii = self.block("stiffness", self.i, self.i)
-        kii.eliminate_zeros()
-        return kii
+    def _split(self, kind: str) -> tuple[sp.csr_array, sp.csr_array, sp.csr_array]:
+        """Blocks ii, ib and bb of "mass" or "stiffness", cut from one reordered copy."""
+        order, n_i = np.r_[self.i, self.b], self.i.size
+        whole = self.block(kind, order, order)
+        return whole[:n_i, :n_i], whole[:n_i, n_i:], whole[n_i:, n_i:]
 
     @cached_property
+    def stiffness(self) -> tuple[sp.csr_array, sp.csr_array, sp.csr_array]:
+        """Kii, Kib, Kbb; Kii without stored zeros, so that its pattern is that of every K - s M, but with full blocks."""
+        kii, kib, kbb = self._split("stiffness")
+        kii.eliminate_zeros()
+        return completed(kii, self.model.dofs.node[self.i]) if self.i.size >= GROUPED else kii, kib, kbb
+
+    @cached_property
+    def mass(self) -> tuple[sp.csr_array, sp.csr_array, sp.csr_array]:
+        """Mii, Mib, Mbb."""
+        return self._split("mass")
+
+    @property
+    def kii(self) -> sp.csr_array:
+        """Interior stiffness."""
+        return self.stiffness[0]
+
+    @property
     def mii(self) -> sp.csr_array:
         """Interior mass."""
-        return self.block("mass", self.i, self.i)
+        return self.mass[0]
 
     @cached_property
     def inertia_load(self) -> FloatArray:
         """S = Mii Psi + Mib, (n_i, n_b): interior inertia forces of unit boundary accelerations."""
-        return np.asarray(self.mii @ self.constraint_modes) + dense(self.block("mass", self.i, self.b))
+        return np.asarray(self.mii @ self.constraint_modes) + dense(self.mass[1])
 
     @cached_property
     def analysis(self) -> Analysis:
@@ -120,7 +138,7 @@ class Partition:
         """Psi = -Kii^-1 Kib, (n_i, n_b): interior motion for unit boundary displacements."""
         if not self.i.size:
             return np.zeros((0, self.b.size))
-        return -np.asarray(self.factor.solve(dense(self.block("stiffness", self.i, self.b))))
+        return -np.asarray(self.factor.solve(dense(self.stiffness[1])))
 
     def full_basis(self, interior: FloatArray, out: FloatArray | None = None) -> FloatArray:
         """(n, n_b + n_q) basis T = [I, 0; Psi, Phi] in the model's row order, written to `out` where that is given."""
@@ -133,9 +151,9 @@ class Partition:
 
     def condensed(self, kind: str) -> FloatArray:
         """(n_b, n_b) "mass" or "stiffness" projected on [I; Psi]: Abb + Abi Psi + Psi^T (Aib + Aii Psi)."""
-        psi, aib = self.constraint_modes, self.block(kind, self.i, self.b)
+        psi, (_, aib, abb) = self.constraint_modes, self.mass if kind == "mass" else self.stiffness
         inner = self.inertia_load if kind == "mass" else np.asarray(self.kii @ psi) + dense(aib)
-        return symmetric(dense(self.block(kind, self.b, self.b)) + aib.T @ psi + psi.T @ inner)
+        return symmetric(dense(abb) + aib.T @ psi + psi.T @ inner)
 
 
 def symmetric(matrix: FloatArray) -> FloatArray:
