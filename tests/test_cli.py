@@ -14,8 +14,10 @@ from typer.testing import CliRunner
 
 import flexplant.study.pipeline as pipeline
 from flexplant.cli import app
-from flexplant.io import read_plant, write_component
+from flexplant.io import read_plant, write_component, write_plant
+from flexplant.io.output import plant_endings
 from flexplant.model.component import Component
+from flexplant.plant.modal import ModalPlant
 
 sys.path.insert(0, str(Path(__file__).parent / "study"))
 from small_study import STUDY, write_study
@@ -123,6 +125,24 @@ def test_export_to_matlab_and_back_to_npz(tmp_path):
     np.testing.assert_array_equal(read_plant(plant.with_suffix(".h5")).omega, read_plant(plant).omega)
     assert "Did you mean 'mat'" in refused("export", plant, "--to", "matt")
     assert "that file already" in refused("export", plant, "--to", "npz")
+
+
+def test_export_knows_every_plant_format_and_its_options(tmp_path):
+    plant = write_plant(
+        ModalPlant(omega=[0.0, 9.0], zeta=0.01, shape_in=np.ones((2, 1)), shape_out=np.ones((1, 2)), inputs=["f"], outputs=["y"]),
+        tmp_path / "plant.npz",
+    )
+    needed = {"c": ["--dt", "1e-3", "--hold", "first"], "fmu": ["--fmi", "3", "--dt", "0.01"]}
+    for ending in plant_endings():
+        target = tmp_path / f"copy.{ending}"
+        assert call("export", plant, "--to", ending, "-o", target, *needed.get(ending, [])).exit_code == 0, ending
+        assert target.stat().st_size > 100
+        assert ending in call("export", "--help").stdout
+    assert "linear between samples" in (tmp_path / "copy.h").read_text()
+    assert "pass dt=" in refused("export", plant, "--to", "c")
+    assert "no option 'version'" in refused("export", plant, "--to", "c", "--dt", "1e-3", "--fmi", "3")
+    assert "does not end with .c" in refused("export", plant, "--to", "c", "--dt", "1e-3", "-o", tmp_path / "p.fmu")
+    assert "there is no folder" in refused("export", plant, "--to", "mat", "-o", tmp_path / "nowhere" / "p.mat")
 
 
 def test_new_writes_a_study_once(tmp_path):

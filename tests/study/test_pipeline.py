@@ -1,6 +1,7 @@
 """The pipeline against the unsplit structure, and its files: all of them or none."""
 
 import json
+from typing import get_args
 
 import numpy as np
 import pytest
@@ -12,10 +13,12 @@ import flexplant.study.pipeline as pipeline
 import flexplant.study.write as write
 from flexplant.errors import CouplingError, InputError, StudyError, WriteError
 from flexplant.io import read_plant
+from flexplant.io.output import plant_endings
 from flexplant.response.frequency import frequency_response
 from flexplant.study.grid import frequency_grid
+from flexplant.study.load import load_study
 from flexplant.study.pipeline import run_study
-from flexplant.study.schema import ResponseSpec
+from flexplant.study.schema_outputs import ExportSpec, ResponseSpec
 
 
 def files(folder):
@@ -33,6 +36,35 @@ def test_a_study_gives_the_unsplit_structure_back(tmp_path):
     difference = abs(result.truth.plant - result.truth.direct).max() / abs(result.truth.direct).max()
     assert difference < 1e-8, "nothing is reduced here, so the plant is the structure"
     assert result.files == {}
+
+
+def test_a_study_writes_the_plant_for_other_programs(tmp_path):
+    wanted = "export: [{to: c, dt_s: 1.0e-4}, {to: fmu, fmi: 3, name: bus_3}, {to: fmu, dt_s: 0.01}, {to: m, name: model}]\n"
+    result = run_study(write_study(tmp_path, STUDY + wanted), output=tmp_path / "out")
+    for name in ("plant.c", "plant.h", "bus_3.fmu", "plant.fmu", "model.m", "model.mat"):
+        assert (tmp_path / "out" / name).stat().st_size > 100
+    assert result.files["plant as fmu: bus_3"] == tmp_path / "out" / "bus_3.fmu"
+    assert read_plant(tmp_path / "out" / "plant.npz").n_modes == result.plant.n_modes
+
+
+@pytest.mark.parametrize(
+    ("wanted", "says"),
+    [
+        ("{to: c}", "give dt_s, in seconds"),
+        ("{to: mat, dt_s: 0.1}", "dt_s is an option of c and fmu, not of mat"),
+        ("{to: fmu, hold: first}", "hold is an option of c, not of fmu"),
+        ("{to: fmu, name: ../plant}", "export.0.name"),
+        ("{to: xlsx}", "'c', 'fmu'"),
+        ("{to: fmu}, {to: fmu, fmi: 3}", "export writes plant.fmu twice"),
+    ],
+)
+def test_an_export_that_cannot_be_is_told_before_anything_is_computed(tmp_path, wanted, says):
+    with pytest.raises(StudyError, match=says):
+        load_study(write_study(tmp_path, f"{STUDY}export: [{wanted}]\n"))
+
+
+def test_the_study_file_knows_every_plant_format():
+    assert set(get_args(ExportSpec.model_fields["to"].annotation)) == set(plant_endings()) - {"hdf5"}
 
 
 def test_primal_and_dual_studies_agree(tmp_path):

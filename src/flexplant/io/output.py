@@ -23,6 +23,8 @@ from flexplant.io.parse.own_plant import Plant, unpack_matlab, unpack_plant
 from flexplant.io.write.atomic import replacing
 from flexplant.model.component import Component, FiniteElementModel
 
+OWN = (".npz", ".h5", ".hdf5")
+
 
 @cache
 def writers() -> dict[str, Writer]:
@@ -41,6 +43,11 @@ def chosen_writer(what: str, path: Path) -> Writer:
     return able[path.suffix.lower()]
 
 
+def plant_endings() -> list[str]:
+    """Endings without dot that `write_plant` knows, in alphabetic order: c, fmu, h5, ..."""
+    return sorted(suffix[1:] for w in writers().values() if "write_plant" in w.writers for suffix in w.suffixes)
+
+
 def _write(what: str, value: Any, path: str | Path, options: dict[str, Any]) -> Path:
     path = as_path(path)
     chosen = chosen_writer(what, path)
@@ -57,9 +64,27 @@ def _write(what: str, value: Any, path: str | Path, options: dict[str, Any]) -> 
 def write_component(component: Component, path: str | Path, **options: Any) -> Path:
     """Write a component to `.npz` or `.h5` and return the path; `read_component` gives it back bit-equal.
 
-    Raises InputError for another ending, WriteError naming the folder that cannot be written.
+    What its reduction reported and the error rows are kept; basis=True writes its basis too. Raises InputError for another
+    ending, and for structural damping and interior DOF where the format has no place for them, WriteError naming the folder that cannot be written.
     """
+    _refuse_loss(component, as_path(path))
     return _write("write_component", component, path, options)
+
+
+def _refuse_loss(component: Component, path: Path) -> None:
+    """InputError where a format other than our own would leave out a part of the component without a word."""
+    if path.suffix.lower() in OWN or not isinstance(component, Component):
+        return
+    if component.structural_damping is not None:
+        raise InputError(
+            f"{path.name!r}: this format does not hold the structural damping of component {component.name!r}; write .npz or "
+            ".h5, or write with_equivalent_viscous_damping(component, hz)"
+        )
+    if len(component.interior):
+        raise InputError(
+            f"{path.name!r}: this format does not hold the interior DOF of component {component.name!r}; write .npz or .h5, or "
+            "dataclasses.replace(component, interior=(), interior_rows=None)"
+        )
 
 
 def write_model(model: FiniteElementModel, path: str | Path, **options: Any) -> Path:
@@ -68,7 +93,10 @@ def write_model(model: FiniteElementModel, path: str | Path, **options: Any) -> 
 
 
 def write_plant(plant: Plant, path: str | Path, **options: Any) -> Path:
-    """Write a plant to `.npz`, `.h5` (`read_plant` gives it back bit-equal) or `.mat`; errors as `write_component`."""
+    """Write a plant: `.npz`, `.h5` (`read_plant` gives it back bit-equal), `.mat`, `.m`, `.jl`, `.c`, `.fmu`.
+
+    options: of the format, for example dt= of `.c`, version= of `.fmu`; see its module. Errors as `write_component`.
+    """
     return _write("write_plant", plant, path, options)
 
 

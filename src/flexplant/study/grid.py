@@ -6,7 +6,7 @@ import numpy as np
 
 from flexplant.model.arrays import FloatArray
 from flexplant.plant.modal import ModalPlant
-from flexplant.study.schema import ResponseSpec
+from flexplant.study.schema_outputs import ResponseSpec
 
 OFFSETS = np.array([-8.0, -4, -2, -1, -0.5, 0, 0.5, 1, 2, 4, 8])  # half bandwidths from a resonance: its peak within 1 %
 UNDAMPED = 1e-4

@@ -20,7 +20,7 @@ from flexplant.plant.rigid_body import without_rigid_body
 from flexplant.response.norms import HinfNorm, hinf_norm, singular_values
 from flexplant.study.grid import frequency_grid
 from flexplant.study.result import LineOfSightResult
-from flexplant.study.schema import LineOfSightSpec, SweepSpec
+from flexplant.study.schema_line_of_sight import LineOfSightSpec, SweepSpec
 from flexplant.verification import Table
 
 CASES = ("open loop", "closed loop")

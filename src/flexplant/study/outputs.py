@@ -15,6 +15,7 @@ import scipy.sparse as sp
 from flexplant.assembly import System
 from flexplant.errors import InputError, WriteError, nearest
 from flexplant.io import read_plant, write_plant
+from flexplant.io.output import plant_endings
 from flexplant.io.write.atomic import replacing
 
 
@@ -79,13 +80,18 @@ def write_system(system: System, path: str | Path) -> Path:
     return path
 
 
-def export_plant(plant: Path, to: str, output: Path | None) -> Path:
-    """Read a plant file and write it in the format `to`; InputError for an unknown format."""
-    formats = ("mat", "npz", "h5")
+def export_plant(plant: Path, to: str, output: Path | None, **options: Any) -> Path:
+    """Read a plant file and write it in the format with the ending `to`; options: of that format (`write_plant`).
+
+    Raises InputError for an unknown format or option, WriteError before reading where the folder does not exist.
+    """
+    formats = plant_endings()
     if to not in formats:
-        raise InputError(f"unknown format {to!r}." + nearest(to, formats))
+        raise InputError(f"unknown format {to!r}; known are {', '.join(formats)}." + nearest(to, formats))
     target = output or plant.with_suffix(f".{to}")
+    if target.suffix.lower() != f".{to}":
+        raise InputError(f"{target.name!r} does not end with .{to}, the format that was asked for")
     if target.resolve() == plant.resolve():
         raise InputError(f"{plant} is that file already; name another with -o")
-    write_plant(read_plant(plant), target)
-    return target
+    require_folder_of(target)
+    return write_plant(read_plant(plant), target, **options)

@@ -42,6 +42,8 @@ plant:
 
 response: {from_hz: 1, to_hz: 500, points: 600}
 
+# export: [{to: c, dt_s: 1.0e-4}, {to: fmu, fmi: 3}]   # the plant for other programs: C99, FMU, m, jl, h5
+
 # line_of_sight:                  # a wheel shakes a lens, a steering mirror holds the spot
 #   wheel: {node: bus.3, amplitude: 5.0e-6, harmonics: [1, 2, 3], phases_deg: [0, 90, 0, 0, 90, 0], speeds_hz: [20]}
 #   optics: {x: optic.11.1, y: optic.11.2, focal_length_m: 1.5, mirror_omega_rad_s: 100, mirror_zeta: 0.3}

@@ -13,6 +13,7 @@ from flexplant.io import write_plant, write_results
 from flexplant.report import StructureView, render
 from flexplant.study.reporting import report
 from flexplant.study.result import LineOfSightResult, StudyResult, TruthResult
+from flexplant.study.schema_outputs import ExportSpec
 from flexplant.verification import Table
 
 
@@ -21,6 +22,8 @@ def write_files(result: StudyResult, view: StructureView | None, folder: Path) -
     names = {"report": "report.html", "plant": "plant.npz", "plant for MATLAB": "plant.mat", "results": "results.nc"}
     write_plant(result.plant, folder / names["plant"])
     write_plant(result.plant, folder / names["plant for MATLAB"])
+    for wanted in result.study.export:
+        names[f"plant as {wanted.to}: {wanted.name}"] = _export(result, wanted, folder)
     write_results(dataset(result), folder / names["results"])
     names["tables"] = "tables.txt"
     (folder / names["tables"]).write_text("\n\n".join([str(result.checks), *map(str, result.tables)]) + "\n", encoding="utf-8")
@@ -30,6 +33,12 @@ def write_files(result: StudyResult, view: StructureView | None, folder: Path) -
         names[table.title] = name
     (folder / names["report"]).write_text(render(report(result, view)), encoding="utf-8")
     return names
+
+
+def _export(result: StudyResult, wanted: ExportSpec, folder: Path) -> str:
+    given = {"dt": wanted.dt_s, "hold": wanted.hold, "version": wanted.fmi}
+    options = {key: value for key, value in given.items() if value is not None}
+    return write_plant(result.plant, folder / f"{wanted.name}.{wanted.to}", **options).name
 
 
 def _slug(text: str) -> str:
