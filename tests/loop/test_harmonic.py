@@ -8,6 +8,8 @@ from flexplant.blocks.wheel import Wheel, wheel_tones
 from flexplant.errors import InputError
 from flexplant.loop.cascade import cascade_of
 from flexplant.loop.close import close
+from flexplant.loop.frequency import frequency_response as diagram_response
+from flexplant.loop.frequency import frequency_response_blocks
 from flexplant.loop.harmonic import harmonic_response, wheel_speed_sweep
 from flexplant.loop.line_of_sight import closed_loop_transfer, line_of_sight_diagram, output_sensitivity
 from flexplant.loop.steady import input_amplitudes, output_amplitudes, steady_states
@@ -58,8 +60,8 @@ def test_closed_over_open_is_the_sensitivity(published, plant, wheel):
     speeds = np.linspace(3, 120, 40)
     sweep = wheel_speed_sweep(systems, wheel, speeds)
     ratio = sweep.amplitude.sel(case="closed", output="spot_x") / sweep.amplitude.sel(case="open", output="spot_x")
-    S = frequency_response(output_sensitivity(published), np.outer([1, 2, 3], speeds).ravel()).values[0, 0].reshape(3, -1)
-    assert ratio.values == pytest.approx(S, rel=1e-8, abs=0)
+    S = [frequency_response(output_sensitivity(published), h * speeds).values[0, 0] for h in (1, 2, 3)]
+    assert ratio.values == pytest.approx(np.array(S), rel=1e-8, abs=0)
 
 
 def test_a_turned_wheel_drives_other_axes():
@@ -110,3 +112,31 @@ def test_sweep_names_undamped_modes(wheel, make_plant):
     plant = make_plant(zeta=0.0, n_rigid=0)
     with pytest.raises(InputError, match="meets an undamped mode"):
         wheel_speed_sweep(plant, wheel, [plant.omega[3] / (2 * np.pi)])
+
+
+def test_a_diagram_writes_into_given_memory_and_in_blocks(published, plant):
+    system, hz = line_of_sight_diagram(published, plant), np.linspace(1.0, 300.0, 50)
+    whole, memory = diagram_response(system, hz), np.empty((2, len(system.inputs), 50), dtype=complex)
+    assert np.shares_memory(diagram_response(system, hz, out=memory).values, memory)
+    assert np.array_equal(memory, whole.values)
+    parts = [part.values for part in frequency_response_blocks(system, hz, block=20)]
+    assert [part.shape[2] for part in parts] == [20, 20, 10]
+    assert np.concatenate(parts, axis=2) == pytest.approx(whole.values, rel=1e-12)
+    plain = [part.values for part in frequency_response_blocks(plant, hz, block=50)]
+    assert np.array_equal(plain[0], diagram_response(plant, hz).values)
+    with pytest.raises(InputError, match="frequencies must ascend"):
+        frequency_response_blocks(system, hz[::-1])
+    with pytest.raises(InputError, match="C-contiguous"):
+        diagram_response(system, hz, out=memory[:, :, :10])
+
+
+def test_tones_come_in_any_order(published, plant):
+    system = line_of_sight_diagram(published, plant)
+    up, down = [3.0, 8.0, 8.0, 20.0], [20.0, 8.0, 3.0, 8.0]
+    amplitude = np.arange(1.0, 5.0)[None, :]
+    first = harmonic_response(system, Tones(frequency_hz=up, amplitude=amplitude, inputs=list(system.inputs)[:1]))
+    second = harmonic_response(
+        system, Tones(frequency_hz=down, amplitude=amplitude[:, [3, 1, 0, 2]], inputs=list(system.inputs)[:1])
+    )
+    assert first.values[:, [3, 1, 0, 2]] == pytest.approx(second.values, rel=1e-12)
+    assert list(second["frequency"].values) == down

@@ -5,12 +5,13 @@ from __future__ import annotations
 import control
 import numpy as np
 import pytest
+import xarray as xr
 
 from flexplant.errors import InputError
 from flexplant.plant.discretize import discretize
 from flexplant.plant.modal import ModalPlant
 from flexplant.plant.state_space import Descriptor, StateSpace, state_space
-from flexplant.response.frequency import frequency_response
+from flexplant.response.frequency import frequency_response, frequency_response_blocks
 
 
 def modal(n=20, *, rigid=2, full=0.0, zeta=0.005, seed=0) -> ModalPlant:
@@ -115,9 +116,9 @@ def test_discrete_response_is_that_of_the_z_transform():
 
 
 def test_axes_names_and_units_travel():
-    response = frequency_response(modal(), [3, 1, 2])
+    response = frequency_response(modal(), [1, 2, 3])
     assert response.dims == ("output", "input", "frequency")
-    assert list(response["frequency"].values) == [3.0, 1.0, 2.0]
+    assert list(response["frequency"].values) == [1.0, 2.0, 3.0]
     assert response["frequency"].attrs["units"] == "Hz"
     assert response.sel(output="v")["output_units"] == "m/s"
     assert response.sel(input="b", output="a", frequency=2.0).dtype == complex
@@ -184,6 +185,7 @@ def test_frequency_exactly_on_an_undamped_mode_names_it():
         ([1.0, -2.0], "entry 1 is -2"),
         ([np.nan], "entry 0 is nan"),
         ([np.inf], "inf"),
+        ([1.0, 2.0, 5.0, 4.0, 3.0], r"entry 3 is 4 after 5; frequencies must ascend: use np\.sort"),
         ([[1.0, 2.0]], r"shape \(1, 2\)"),
         (2j * np.pi * np.array([1.0, 2.0]), "frequency_hz: real numbers"),
         ("10", "frequency_hz: real numbers"),
@@ -201,3 +203,51 @@ def test_other_objects_and_static_gains():
         frequency_response("plant", [1.0])
     static = StateSpace(np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((2, 0)), [[1.0], [2.0]], ["u"], ["y", "z"])
     assert np.array_equal(frequency_response(static, [1.0, 5.0]).values[:, 0], [[1, 1], [2, 2]])
+
+
+def test_repeated_frequencies_are_allowed():
+    response = frequency_response(modal(), [1.0, 1.0, 2.0]).values
+    assert np.array_equal(response[:, :, 0], response[:, :, 1])
+
+
+@pytest.mark.parametrize("kind", ["modal", "full", "state space", "descriptor"])
+def test_given_memory_and_blocks_hold_the_same_response(kind):
+    plant = modal(full=0.5 if kind == "full" else 0.0)
+    plant = {"state space": state_space, "descriptor": lambda p: as_descriptor(state_space(p))}.get(kind, lambda p: p)(plant)
+    hz = np.geomspace(1.0, 400.0, 67)
+    whole, memory = frequency_response(plant, hz), np.full((4, 3, 67), np.nan, dtype=complex)
+    written = frequency_response(plant, hz, out=memory)
+    assert np.shares_memory(written.values, memory)
+    assert np.array_equal(memory, whole.values)
+    for block in (None, 1, 30, 67, 500):
+        parts = list(frequency_response_blocks(plant, hz, block=block))
+        assert [part.sizes["frequency"] for part in parts[:-1]] == [block] * (len(parts) - 1)
+        joined = xr.concat(parts, dim="frequency")
+        assert np.array_equal(joined["frequency"], hz)
+        assert error(joined.transpose(*whole.dims).values, whole.values) < 1e-13
+
+
+@pytest.mark.parametrize(
+    "memory",
+    [
+        np.empty((4, 3, 2), dtype=complex),
+        np.empty((4, 3, 3)),
+        np.empty((3, 3, 4), dtype=complex).T,
+        np.broadcast_to(np.zeros(1, dtype=complex), (4, 3, 3)),
+        [1.0],
+    ],
+)
+def test_memory_that_cannot_hold_the_response(memory):
+    with pytest.raises(InputError, match=r"must be a writable C-contiguous complex128 array \(4, 3, 3\)"):
+        frequency_response(modal(), [1.0, 2.0, 3.0], out=memory)
+
+
+@pytest.mark.parametrize("block", [0, -1, 2.5, True])
+def test_bad_block_sizes(block):
+    with pytest.raises(InputError, match="positive whole number"):
+        frequency_response_blocks(modal(), [1.0, 2.0], block=block)
+
+
+def test_frequencies_of_blocks_are_checked_at_once():
+    with pytest.raises(InputError, match="ascend"):
+        frequency_response_blocks(modal(), [2.0, 1.0])

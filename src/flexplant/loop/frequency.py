@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 import numpy.typing as npt
 import xarray as xr
@@ -19,23 +21,40 @@ Linear = Diagram | StateSpace | ModalPlant | Descriptor
 ComplexArray = npt.NDArray[np.complex128]
 
 
-def frequency_response(system: Linear, frequency_hz: npt.ArrayLike) -> xr.DataArray:
-    """Complex response, dims (output, input, frequency), coordinate `frequency` in Hz.
+def frequency_response(system: Linear, frequency_hz: npt.ArrayLike, *, out: ComplexArray | None = None) -> xr.DataArray:
+    """Complex response, dims (output, input, frequency), at ascending frequencies in Hz.
 
     Plants and blocks: G(s) = C (E s - A)^-1 B + D. A diagram: each block's own response, then stage by stage as signals flow;
     a feedback stage solves (I - S G) u = u_outside on the inputs it drives itself, a few channels for each frequency.
+    out: C-contiguous complex128 memory (ny, nu, nf) to write into. Raises InputError for frequencies that are negative, NaN,
+    descending or none, or lie on an undamped pole, and for `out` of another shape; DiagramError for a diagram that is not linear.
     """
     if not isinstance(system, Diagram):
-        return plant_frequency.frequency_response(system, frequency_hz)
+        return plant_frequency.frequency_response(system, frequency_hz, out=out)
     linear_only(system)
     hz = plant_frequency.checked_frequencies(frequency_hz)
-    y = _port_responses(system, hz)
+    memory = plant_frequency.checked_memory(out, (len(system.outputs), len(system.inputs), hz.size))
+    y = np.moveaxis(_port_responses(system, hz)[:, system.wiring.readout], 0, -1)
     return xr.DataArray(
-        np.moveaxis(y[:, system.wiring.readout], 0, -1),
+        plant_frequency.written(y, memory),
         dims=("output", "input", "frequency"),
         coords={"output": list(system.outputs), "input": list(system.inputs), "frequency": hz},
         name="frequency_response",
     )
+
+
+def frequency_response_blocks(system: Linear, frequency_hz: npt.ArrayLike, *, block: int | None = None) -> Iterator[xr.DataArray]:
+    """`frequency_response` in blocks of ascending frequencies, for results larger than the memory.
+
+    block: frequencies a block, by default as many as fill 16 MB. Raises InputError at once for bad frequencies and block
+    sizes, and for a frequency on an undamped pole when its block is reached.
+    """
+    if not isinstance(system, Diagram):
+        return plant_frequency.frequency_response_blocks(system, frequency_hz, block=block)
+    linear_only(system)
+    hz = plant_frequency.checked_frequencies(frequency_hz)
+    parts = plant_frequency.parts(hz, len(system.outputs) * len(system.inputs), block)
+    return (frequency_response(system, part) for part in parts)
 
 
 def _port_responses(diagram: Diagram, hz: npt.NDArray[np.float64]) -> ComplexArray:

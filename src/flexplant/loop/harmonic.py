@@ -24,11 +24,12 @@ def harmonic_response(system: Linear, tones: Tones) -> xr.DataArray:
     Inputs without a tone are zero. RMS of an output: sqrt(sum |Y_k|^2 / 2) (see `tones.rms`). InputError for an unknown input.
     """
     amplitude = input_amplitudes(tones, list(system.inputs))
-    G = frequency_response(system, tones.frequency_hz)
+    hz, where = np.unique(tones.frequency_hz, return_inverse=True)
+    G = frequency_response(system, hz).values[:, :, where]
     return xr.DataArray(
-        np.einsum("oif,if->of", G.values, amplitude),
+        np.einsum("oif,if->of", G, amplitude),
         dims=("output", "frequency"),
-        coords={"output": G["output"].values, "frequency": tones.frequency_hz},
+        coords={"output": list(system.outputs), "frequency": tones.frequency_hz},
         name="harmonic_response",
     )
 

@@ -21,12 +21,6 @@ WELL_CONDITIONED = 1e4  # eigenvectors up to which pole-residue sums keep about 
 NEAR_POLE = 1e-14  # distance of an evaluation point from a pole, relative to the largest pole, that counts as on it
 
 
-def state_space_response(system: StateSpace, hz: FloatArray) -> ComplexArray:
-    """(ny, nu, nf): C (s I - A)^-1 B + D, s = 2 pi i f, or z = exp(2 pi i f dt) for a discrete plant."""
-    s = np.asarray(2j * np.pi * hz if system.dt is None else np.exp(2j * np.pi * hz * system.dt), dtype=np.complex128)
-    return TransferFunction(system)(s)
-
-
 class TransferFunction:
     """s -> C (s I - A)^-1 B + D with A decomposed once: balanced, then poles and residues or a complex Schur form."""
 

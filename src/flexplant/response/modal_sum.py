@@ -17,7 +17,6 @@ from flexplant.response.receptance import ModalSum
 
 ComplexArray: TypeAlias = npt.NDArray[np.complex128]
 BLOCK = 512  # frequencies whose modal transfer functions stay in cache
-STREAMED = 2**18  # complex numbers of a streamed block, 4 MB
 RIGID_ROUND_OFF = 1e-9  # rigid-body response relative to its terms, below which it is taken as cancelled at 0 Hz
 WELL_CONDITIONED = 1e5  # eigenvectors up to which pole-residue sums keep about eleven digits
 
@@ -25,16 +24,6 @@ WELL_CONDITIONED = 1e5  # eigenvectors up to which pole-residue sums keep about 
 def modal_response(plant: ModalPlant, hz: FloatArray, out: ComplexArray | None = None) -> ComplexArray:
     """(ny, nu, nf) complex response of a checked plant at checked frequencies, written into `out` where it is given."""
     return ModalResponse(plant)(2 * np.pi * hz, out)
-
-
-def modal_blocks(plant: ModalPlant, omega: FloatArray) -> Iterator[tuple[slice, ComplexArray]]:
-    """Blocks of frequencies (slice, (ny, nu, block)); the array may be overwritten by the next block."""
-    response, ny, nu = ModalResponse(plant), len(plant.outputs), len(plant.inputs)
-    size = max(BLOCK, STREAMED // max(ny * nu, 1))
-    memory = np.empty(ny * nu * min(size, omega.size), dtype=complex)
-    for start in range(0, omega.size, size):
-        w = omega[start : start + size]
-        yield slice(start, start + w.size), response(w, memory[: ny * nu * w.size].reshape(ny, nu, -1))
 
 
 class ModalResponse:
@@ -159,8 +148,10 @@ def _refuse_rigid_at_zero(plant: ModalPlant, rows: npt.NDArray[np.int64], shapes
 def _refuse_poles(plant: ModalPlant, omega: FloatArray) -> None:
     """InputError for a frequency exactly on an undamped flexible mode."""
     undamped = np.flatnonzero((plant.zeta == 0) & (plant.omega > 0))
-    at = plant.omega[undamped]
-    nearest_omega = np.sort(omega)[np.minimum(np.searchsorted(np.sort(omega), at * (1 - 4e-16)), omega.size - 1)]
+    if not undamped.size:
+        return
+    at, ascending = plant.omega[undamped], np.sort(omega)
+    nearest_omega = ascending[np.minimum(np.searchsorted(ascending, at * (1 - 4e-16)), omega.size - 1)]
     hit = undamped[abs(nearest_omega - at) <= 4e-16 * at]
     if hit.size:
         raise InputError(
