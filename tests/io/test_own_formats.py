@@ -216,7 +216,7 @@ def test_a_later_version_is_told(tmp_path: Path) -> None:
     header = json.loads(str(arrays["flexplant"]))
     arrays["flexplant"] = json.dumps(header | {"version": 99})
     np.savez(path, **arrays)
-    with pytest.raises(ReadError, match="version 99; this flexplant reads up to 1"):
+    with pytest.raises(ReadError, match="version 99; this flexplant reads up to 2"):
         read_component(path)
     del arrays["stiffness"]
     arrays["flexplant"] = json.dumps(header)

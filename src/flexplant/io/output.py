@@ -65,7 +65,8 @@ def write_component(component: Component, path: str | Path, **options: Any) -> P
     """Write a component to `.npz` or `.h5` and return the path; `read_component` gives it back bit-equal.
 
     What its reduction reported and the error rows are kept; basis=True writes its basis too. Raises InputError for another
-    ending, and for structural damping and interior DOF where the format has no place for them, WriteError naming the folder that cannot be written.
+    ending, and for structural damping and interior DOF where the format has no place for them, WriteError naming the folder
+    that cannot be written.
     """
     _refuse_loss(component, as_path(path))
     return _write("write_component", component, path, options)

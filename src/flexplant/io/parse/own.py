@@ -17,13 +17,13 @@ import numpy as np
 from flexplant.errors import ModelError, ReadError
 from flexplant.io.parse.files import one_line
 from flexplant.io.parse.npz_matrices import csr_matrix, pack_matrix
+from flexplant.io.parse.own_reduction import dofs_of, pack_reduction, pairs_of, reduced_component, reduction_texts
 from flexplant.model.arrays import Matrix, frozen
 from flexplant.model.component import Component, FiniteElementModel
-from flexplant.model.dofs import DofSet
 from flexplant.model.geometry import Nodes
 from flexplant.model.recovery import Recovery
 
-HEADER, VERSION = "flexplant", 1
+HEADER, VERSION = "flexplant", 2  # 2: components with structural damping or interior rows, which 1 would leave out silently
 RECOVERY_KINDS = ("displacement", "velocity", "acceleration")
 Arrays = dict[str, Any]
 Built = TypeVar("Built", Component, FiniteElementModel)
@@ -38,7 +38,7 @@ def _plain(value: Any) -> Any:
 
 def header_text(kind: str, **texts: Any) -> str:
     """The JSON header."""
-    return json.dumps({"kind": kind, "version": VERSION, **texts}, default=_plain)
+    return json.dumps({"kind": kind, "version": 1, **texts}, default=_plain)
 
 
 def read_header(text: Any, path: Path) -> dict[str, Any]:
@@ -54,20 +54,31 @@ def read_header(text: Any, path: Path) -> dict[str, Any]:
     return dict(header)
 
 
-def pack_component(component: Component) -> Arrays:
-    """Arrays of a component."""
+def pack_component(component: Component, *, basis: bool = False) -> Arrays:
+    """Arrays of a component; of a reduced one also its report and error rows, and with basis=True its basis.
+
+    Raises InputError where a basis is asked for that was not kept.
+    """
     recovery = {r.name: {"labels": list(r.labels), "units": r.units} for r in component.recovery.values()}
-    arrays = _pack_common("component", component, recovery=recovery)
-    arrays |= {"boundary": _pairs(component.boundary), "modal_ids": np.asarray(component.modal_ids)}
+    texts = reduction_texts(component) | ({"version": VERSION} if _needs_newest(component) else {})
+    arrays = _pack_common("component", component, recovery=recovery, **texts)
+    arrays |= pack_reduction(component, basis=basis) | _pack("structural_damping", component.structural_damping)
+    if len(component.interior):
+        arrays |= {"interior": pairs_of(component.interior)} | _pack("interior_rows", component.interior_rows)
+    arrays |= {"boundary": pairs_of(component.boundary), "modal_ids": np.asarray(component.modal_ids)}
     for r in component.recovery.values():
         for kind in RECOVERY_KINDS:
             arrays |= _pack(f"recovery.{r.name}.{kind}", getattr(r, kind))
     return arrays
 
 
+def _needs_newest(component: Component) -> bool:
+    return component.structural_damping is not None or len(component.interior) > 0
+
+
 def pack_model(model: FiniteElementModel) -> Arrays:
     """Arrays of a finite-element model."""
-    return _pack_common("model", model) | {"dofs": _pairs(model.dofs)}
+    return _pack_common("model", model) | {"dofs": pairs_of(model.dofs)}
 
 
 def _pack_common(kind: str, model: Component | FiniteElementModel, **texts: Any) -> Arrays:
@@ -85,21 +96,20 @@ def _pack(name: str, matrix: Matrix | None) -> Arrays:
     return {} if matrix is None else pack_matrix(name, matrix)
 
 
-def _pairs(dofs: DofSet) -> Any:
-    return np.column_stack([dofs.node, dofs.direction])
-
-
 def unpack_component(arrays: Arrays, path: Path, source: Mapping[str, Any], name: str | None) -> Component:
     """The component from its arrays; ReadError for anything missing or inconsistent."""
 
     def build(header: dict[str, Any]) -> Component:
         recovery = [_recovery(arrays, path, key, spec) for key, spec in header["recovery"].items()]
-        return Component(
-            **_common(arrays, path, header, source, name),
-            boundary=_dofs(arrays, "boundary"),
-            modal_ids=arrays["modal_ids"],
-            recovery={r.name: r for r in recovery},
-        )
+        fields = _common(arrays, path, header, source, name) | {
+            "boundary": dofs_of(arrays, "boundary"),
+            "modal_ids": arrays["modal_ids"],
+            "recovery": {r.name: r for r in recovery},
+            "structural_damping": _optional(arrays, "structural_damping", path),
+            "interior": dofs_of(arrays, "interior") if "interior" in arrays else (),
+            "interior_rows": _optional(arrays, "interior_rows", path),
+        }
+        return reduced_component(arrays, header["reduction"], fields) if "reduction" in header else Component(**fields)
 
     return _guarded(build, arrays, path, "component")
 
@@ -108,7 +118,7 @@ def unpack_model(arrays: Arrays, path: Path, source: Mapping[str, Any], name: st
     """The finite-element model from its arrays; ReadError for anything missing or inconsistent."""
 
     def build(header: dict[str, Any]) -> FiniteElementModel:
-        return FiniteElementModel(**_common(arrays, path, header, source, name), dofs=_dofs(arrays, "dofs"))
+        return FiniteElementModel(**_common(arrays, path, header, source, name), dofs=dofs_of(arrays, "dofs"))
 
     return _guarded(build, arrays, path, "model")
 
@@ -145,11 +155,6 @@ def _unpack(arrays: Arrays, name: str, path: Path) -> Matrix:
 
 def _optional(arrays: Arrays, name: str, path: Path) -> Matrix | None:
     return _unpack(arrays, name, path) if name in arrays or f"{name}.indptr" in arrays else None
-
-
-def _dofs(arrays: Arrays, name: str) -> DofSet:
-    pairs = arrays[name].reshape(-1, 2)
-    return DofSet(pairs[:, 0], pairs[:, 1])
 
 
 def _nodes(arrays: Arrays) -> Nodes | None:

@@ -11,9 +11,9 @@ from flexplant.io.parse.own_plant import Plant, pack_plant
 from flexplant.model.component import Component, FiniteElementModel
 
 
-def write_component(component: Component, path: Path) -> None:
-    """A component."""
-    write_h5(path, pack_component(component))
+def write_component(component: Component, path: Path, *, basis: bool = False) -> None:
+    """A component; basis: with the basis that `expand` needs."""
+    write_h5(path, pack_component(component, basis=basis))
 
 
 def write_model(model: FiniteElementModel, path: Path) -> None:

@@ -18,9 +18,9 @@ def _write(arrays: dict[str, Any], path: Path) -> None:
         np.savez(stream, **{name: np.asarray(value) for name, value in arrays.items()})  # type: ignore[arg-type]
 
 
-def write_component(component: Component, path: Path) -> None:
-    """A component."""
-    _write(pack_component(component), path)
+def write_component(component: Component, path: Path, *, basis: bool = False) -> None:
+    """A component; basis: with the basis that `expand` needs."""
+    _write(pack_component(component, basis=basis), path)
 
 
 def write_model(model: FiniteElementModel, path: Path) -> None:
