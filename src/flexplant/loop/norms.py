@@ -18,7 +18,7 @@ from flexplant.response.interval_bound import Bracket, bracket, polished
 from flexplant.response.norms import HinfNorm
 
 SMALL = 120  # states up to which a closed state space and its Hamiltonian are quicker
-UNKNOWNS = 300  # of the bordered form, up to which it is worth while
+UNKNOWNS = 80  # of the bordered form, up to which it is worth while
 
 
 def hinf_norm(system: Linear, *, tolerance: float = 1e-7, unbounded: str = "infinite") -> HinfNorm:
@@ -27,7 +27,7 @@ def hinf_norm(system: Linear, *, tolerance: float = 1e-7, unbounded: str = "infi
     Plants and blocks: see `flexplant.response.norms.hinf_norm`. Diagrams of up to 120 states are closed and go the same way.
     Larger continuous ones keep their plants modal: a matrix over the loop's channels, block states and undamped modes replaces
     the closed state space, its stability is settled by a winding number and its norm by interval bounds (see `loop_bound`), both
-    to the round-off of the evaluation. Where this form does not exist (fully damped plants, discrete blocks, more than 300
+    to the round-off of the evaluation. Where this form does not exist (fully damped plants, discrete blocks, more than 80
     unknowns) the diagram is closed.
     unbounded: "infinite" returns inf with an explanation (unstable, on the axis) that names a pole; "error" raises InputError.
     """
