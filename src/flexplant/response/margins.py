@@ -147,17 +147,23 @@ def _loop_margins(L: StateSpace, channel: str) -> LoopMargins:
     gain = Gain(L)
     unit = gain.crossings(1.0)
     phase = _phase_crossings(gain)
-    value = _values(gain, unit)
-    phase_margins = np.degrees(np.angle(-value))
-    hz = gain.hz(unit)
-    gains = -20 * np.log10(abs(_values(gain, phase)))
-    delays = np.radians(np.where(phase_margins > 0, phase_margins, phase_margins + 360)) / (2 * np.pi * hz)
+    return loop_margins_at(channel, gain.hz(unit), _values(gain, unit), gain.hz(phase), _values(gain, phase))
+
+
+def loop_margins_at(
+    channel: str, unit_hz: FloatArray, at_unit: ComplexArray, phase_hz: FloatArray, at_phase: ComplexArray
+) -> LoopMargins:
+    """The margins of one loop from its gain crossings and its crossings of the negative real axis, and its values there."""
+    phase_margins = np.degrees(np.angle(-at_unit))
+    gains = -20 * np.log10(abs(at_phase))
+    with np.errstate(divide="ignore"):
+        delays = np.radians(np.where(phase_margins > 0, phase_margins, phase_margins + 360)) / (2 * np.pi * unit_hz)
     up, down = gains[gains > 0], -gains[gains < 0]
     return LoopMargins(
         channel=channel,
-        gain_crossings_hz=hz,
+        gain_crossings_hz=unit_hz,
         phase_margins_deg=phase_margins,
-        phase_crossings_hz=gain.hz(phase),
+        phase_crossings_hz=phase_hz,
         gain_margins_db=gains,
         phase_margin_deg=float(min(phase_margins, key=abs, default=np.inf)),
         gain_margin_db=float(min(up, default=np.inf)),
@@ -188,9 +194,11 @@ def _phase_crossings(gain: Gain) -> FloatArray:
 
 
 def _disk_margin(S: StateSpace) -> DiskMargin:
-    """From the peak of S - I/2 = (S - T)/2; no margin where the closed loop is unstable."""
-    half = replace(S, D=S.D - 0.5 * np.eye(len(S.inputs)))
-    peak = hinf_norm(half)
+    return disk_margin_of(hinf_norm(replace(S, D=S.D - 0.5 * np.eye(len(S.inputs)))))
+
+
+def disk_margin_of(peak: HinfNorm) -> DiskMargin:
+    """From the norm of S - I/2 = (S - T)/2; no margin where the closed loop is unstable, whose norm is infinite."""
     alpha = 0.0 if not np.isfinite(peak.value) else 1 / peak.value
     low, high = (2 - alpha) / (2 + alpha), ((2 + alpha) / (2 - alpha) if alpha < 2 else np.inf)
     return DiskMargin(alpha, low, high, float(np.degrees(2 * np.arctan(alpha / 2))), peak.frequency_hz)

@@ -1,0 +1,160 @@
+"""Loop gain, sensitivities, disk and classical margins of a diagram at named signals, from one evaluation of its blocks."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import xarray as xr
+
+from flexplant.blocks.sampled import SampledBlock
+from flexplant.loop.breaking import checked_signals, cut_open, disturbed
+from flexplant.loop.diagram import Diagram
+from flexplant.loop.frequency import ComplexArray, frequency_response
+from flexplant.loop.norms import hinf_norm
+from flexplant.model.arrays import FloatArray
+from flexplant.plant.modal import ModalPlant
+from flexplant.plant.state_space import StateSpace
+from flexplant.response.crossings import Loops, gain_crossings, phase_crossings, refined_grid, widened
+from flexplant.response.frequency import checked_frequencies
+from flexplant.response.grids import adaptive_grid
+from flexplant.response.margins import Margins, disk_margin_of, loop_margins_at
+from flexplant.response.singular import stacked_singular_values
+
+BEYOND = 30.0  # factor by which the search for crossings begins outside the slowest and the fastest pole of the blocks
+
+
+def loop_response(diagram: Diagram, at: str | Sequence[str], frequency_hz: npt.ArrayLike | None = None) -> xr.Dataset:
+    """The loop broken at one or several signals: curves over frequency, and margins that do not depend on the grid.
+
+    at: signals "block.port", all broken at once (r of them). The sign is that of negative feedback: a signal v sent on comes back
+    as -L v, and
+        S = (I + L)^-1,   T = L (I + L)^-1,   disk margin alpha = 1 / max over frequency of sigma_max((S - T) / 2).
+    frequency_hz: Hz, or None for a grid with points about every resonance, refined until every loop bends little between points.
+
+    Returns, over `frequency`: `L`, `S`, `T` (signal, injected, frequency), their singular values `L_singular`, `S_singular`,
+    `T_singular` (frequency, index), `loop` (signal, frequency), the gain of each loop with the others closed, and `disk`
+    (frequency) = 1 / sigma_max((S - T) / 2). From `loop_margins`, refined beyond the grid: `gain_margin_db`, `gain_reduction_db`,
+    `phase_margin_deg`, `delay_margin_s` (signal), and `disk_margin`, `disk_margin_hz`, `disk_gain_low`, `disk_gain_high`,
+    `disk_phase_deg`, `S_peak`, `S_peak_hz`, `T_peak`, `T_peak_hz`, `stable`.
+    Raises InputError for signals that drive nothing, frequencies that are bad or lie on an undamped pole; DiagramError (with the
+    nearest name) for signals that do not exist, and for nonlinear or mixed-rate diagrams.
+    """
+    loops = _BrokenLoops(diagram, checked_signals(diagram, at))
+    found, grid = _margins(loops)
+    hz = grid if frequency_hz is None else checked_frequencies(frequency_hz)
+    L = loops.gain(hz)
+    identity = np.eye(len(loops.signals))[:, :, None]
+    S: ComplexArray = np.array(np.moveaxis(np.linalg.inv(np.moveaxis(identity + L, -1, 0)), 0, -1), dtype=complex)
+    T: ComplexArray = identity - S
+    with np.errstate(divide="ignore"):
+        disk = 1 / stacked_singular_values(0.5 * (S - T))[:, 0]
+    matrix, pairs = ("signal", "injected", "frequency"), {"L": L, "S": S, "T": T}
+    data: dict[str, Any] = {name: (matrix, values) for name, values in pairs.items()}
+    data |= {f"{name}_singular": (("frequency", "index"), stacked_singular_values(values)) for name, values in pairs.items()}
+    data |= {"loop": (("signal", "frequency"), one_at_a_time(L)), "disk": (("frequency",), disk), **_scalars(found)}
+    coords = {
+        "signal": loops.signals,
+        "injected": loops.signals,
+        "frequency": ("frequency", hz, {"units": "Hz"}),
+        "index": np.arange(len(loops.signals)),
+    }
+    attrs = {"diagram": diagram.name, "explanation": found.sensitivity_peak.explanation}
+    return xr.Dataset(data, coords=coords, attrs=attrs)
+
+
+def loop_margins(diagram: Diagram, at: str | Sequence[str]) -> Margins:
+    """Margins of the loop broken at `at` (see `loop_response`), one loop at a time with the others closed, and all at once.
+
+    Crossings: found on a grid with points about every pole of the blocks, refined where a loop bends, then to round-off by root
+    finding. Disk margin and peaks of S and T: `hinf_norm`, certified where that is. Raises the errors of `loop_response`.
+    """
+    return _margins(_BrokenLoops(diagram, checked_signals(diagram, at)))[0]
+
+
+@dataclass(frozen=True, eq=False)
+class _BrokenLoops:
+    diagram: Diagram
+    signals: list[str]
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "opened", cut_open(self.diagram, self.signals))
+
+    opened: Diagram = None  # type: ignore[assignment]
+
+    def gain(self, hz: FloatArray) -> ComplexArray:
+        """(r, r, nf) L, at frequencies in any order."""
+        ascending, index = np.unique(hz, return_inverse=True)
+        return np.asarray(-frequency_response(self.opened, ascending).values[:, :, index], dtype=complex)
+
+    def loops(self, hz: FloatArray) -> ComplexArray:
+        """(r, nf) each loop with the others closed."""
+        return one_at_a_time(self.gain(hz))
+
+
+def one_at_a_time(L: ComplexArray) -> ComplexArray:
+    """(r, nf) gain of each loop of L (r, r, nf) with the others closed: L_kk - L_ko (I + L_oo)^-1 L_ok."""
+    stack = np.moveaxis(L, -1, 0)
+    out = np.array(np.diagonal(stack, axis1=1, axis2=2).T)
+    for k in range(L.shape[0] if L.shape[0] > 1 else 0):
+        others = np.delete(np.arange(L.shape[0]), k)
+        inner = np.eye(others.size) + stack[:, others[:, None], others]
+        through = np.linalg.solve(inner, stack[:, others, k][:, :, None])
+        out[k] -= (stack[:, k, others][:, None, :] @ through)[:, 0, 0]
+    return out
+
+
+def _margins(loops: _BrokenLoops) -> tuple[Margins, FloatArray]:
+    """The margins, and the grid that showed the crossings."""
+    peaks = {kind: hinf_norm(system) for kind, system in disturbed(loops.diagram, loops.signals).items()}
+    grid, values = refined_grid(loops.loops, search_grid(loops.opened, loops.loops))
+    every = []
+    crossings = zip(gain_crossings(loops.loops, grid, values), phase_crossings(loops.loops, grid, values), strict=True)
+    for k, (unit, phase) in enumerate(crossings):
+        at = [loops.loops(hz)[k] if hz.size else np.zeros(0, dtype=complex) for hz in (unit, phase)]
+        every.append(loop_margins_at(loops.signals[k], unit, at[0], phase, at[1]))
+    stable = bool(np.isfinite(peaks["S"].value))
+    return Margins(stable, tuple(every), disk_margin_of(peaks["half"]), peaks["S"], peaks["T"]), grid
+
+
+def search_grid(diagram: Diagram, loops: Loops) -> FloatArray:
+    """Hz: points about the poles of every block by itself, as far out as a loop may still cross one."""
+    blocks = [block for block in diagram.blocks.values() if not isinstance(block, SampledBlock)]
+    sizes = np.concatenate([_pole_sizes(block) for block in blocks]) / (2 * np.pi)
+    sizes = sizes[sizes > 1e-9 * sizes.max(initial=0.0)] if sizes.any() else np.ones(1)
+    highest = sizes.max() * BEYOND if diagram.dt is None else 0.5 / diagram.dt
+    low, high = widened(loops, min(sizes.min() / BEYOND, 1e-3 * highest), highest, upwards=diagram.dt is None)
+    grids = [adaptive_grid(block, low, high) for block in blocks if isinstance(block, ModalPlant) or block.n_states]
+    grid = np.unique(np.concatenate([np.geomspace(low, high, 200), *grids]))
+    lasting = [block.frequency_hz[block.zeta == 0] for block in blocks if isinstance(block, ModalPlant)]
+    on_pole = np.isin(np.round(np.log(grid), 9), np.round(np.log(np.maximum(np.concatenate([[1e-300], *lasting]), 1e-300)), 9))
+    return grid[~on_pole]
+
+
+def _pole_sizes(block: ModalPlant | StateSpace) -> FloatArray:
+    if isinstance(block, ModalPlant):
+        return block.omega
+    poles = np.asarray(np.linalg.eigvals(block.A) if block.n_states else np.zeros(0), dtype=complex)
+    return np.asarray(abs(poles) if block.dt is None else abs(np.log(poles[poles != 0])) / block.dt)
+
+
+def _scalars(found: Margins) -> dict[str, Any]:
+    names = ("gain_margin_db", "gain_reduction_db", "phase_margin_deg", "delay_margin_s")
+    each: dict[str, Any] = {name: (("signal",), [getattr(loop, name) for loop in found.loops]) for name in names}
+    disk, S, T = found.disk, found.sensitivity_peak, found.complementary_peak
+    one = {
+        "stable": found.stable,
+        "disk_margin": disk.alpha,
+        "disk_margin_hz": disk.frequency_hz,
+        "disk_gain_low": disk.gain_low,
+        "disk_gain_high": disk.gain_high,
+        "disk_phase_deg": disk.phase_deg,
+        "S_peak": S.value,
+        "S_peak_hz": S.frequency_hz,
+        "T_peak": T.value,
+        "T_peak_hz": T.frequency_hz,
+    }
+    return each | {name: ((), value) for name, value in one.items()}
