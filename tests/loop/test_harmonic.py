@@ -132,7 +132,7 @@ def test_a_diagram_writes_into_given_memory_and_in_blocks(published, plant):
 
 def test_tones_come_in_any_order(published, plant):
     system = line_of_sight_diagram(published, plant)
-    up, down = [3.0, 8.0, 8.0, 20.0], [20.0, 8.0, 3.0, 8.0]
+    up, down = [3.0, 8.0, 9.0, 20.0], [20.0, 8.0, 3.0, 9.0]
     amplitude = np.arange(1.0, 5.0)[None, :]
     first = harmonic_response(system, Tones(frequency_hz=up, amplitude=amplitude, inputs=list(system.inputs)[:1]))
     second = harmonic_response(

@@ -7,9 +7,10 @@ from typing import Any
 
 import numpy as np
 
+from flexplant.blocks.sampled import SampledBlock
 from flexplant.errors import InputError
-from flexplant.loop.close import close
-from flexplant.loop.diagram import Diagram
+from flexplant.loop.close import linear_only, solved_wires
+from flexplant.loop.diagram import Diagram, block_diagonal
 from flexplant.loop.wiring import NONE
 from flexplant.model.arrays import FloatArray, IntArray
 from flexplant.plant.modal import ModalPlant
@@ -54,8 +55,8 @@ def cascade_of(system: Simulated) -> Cascade:
     if isinstance(system, ModalPlant) and system.damping is None:
         return _of_modal(system)
     if isinstance(system, Diagram):
-        return _split(close(system), _listening_plants(system))
-    return _split(state_space(simulated(system)), [])
+        return _of_diagram(system)
+    return _undivided(state_space(simulated(system)))
 
 
 def simulated(system: Any) -> Any:
@@ -85,37 +86,83 @@ def _of_modal(plant: ModalPlant) -> Cascade:
     )
 
 
-def _listening_plants(diagram: Diagram) -> list[tuple[ModalPlant, int]]:
-    """Modal plants whose every input comes straight from outside, with the place of their first state."""
-    found, first = [], 0
-    for k, block in enumerate(diagram.blocks.values()):
-        if not isinstance(block, ModalPlant):
-            first += block.n_states
-            continue
-        outside = (diagram.wiring.source[diagram.wiring.input_block == k] == NONE).all()
-        if outside and block.damping is None:
-            found.append((block, first))
-        first += 2 * block.n_modes
-    return found
+def _of_diagram(diagram: Diagram) -> Cascade:
+    """Modal plants whose every input comes straight from outside are the modes; only the other blocks are closed.
 
-
-def _split(system: StateSpace, plants: list[tuple[ModalPlant, int]]) -> Cascade:
-    none = np.zeros(0, dtype=np.int64)
-    position = np.concatenate([none, *(first + np.arange(p.n_modes) for p, first in plants)])
-    velocity = np.concatenate([none, *(first + p.n_modes + np.arange(p.n_modes) for p, first in plants)])
-    modal = np.r_[position, velocity]
-    other = np.setdiff1d(np.arange(system.n_states), modal)
+    With their outputs y1 = P [eta, eta'] + D1 w, the others have u = S y + S1 y1 + E w (see `close`).
+    """
+    linear_only(diagram)
+    wiring, blocks = diagram.wiring, list(diagram.blocks.values())
+    listening = [k for k, block in enumerate(blocks) if _listens(diagram, block, k)]
+    mine_in, mine_out = np.isin(wiring.input_block, listening), np.isin(wiring.output_block, listening)
+    plants = [block for k, block in enumerate(blocks) if k in listening and isinstance(block, ModalPlant)]
+    others = [state_space(b) for k, b in enumerate(blocks) if k not in listening and not isinstance(b, SampledBlock)]
+    A, B, C, D = (block_diagonal([getattr(s, letter) for s in others]) for letter in "ABCD")
+    rows = [output_rows(plant) for plant in plants]
+    seen = np.hstack([block_diagonal([r[k] for r in rows]) for k in (0, 1)])
+    outside, E = wiring.entry[mine_in], wiring.entry[~mine_in]
+    direct = block_diagonal([r[2] for r in rows]) @ outside
+    S, S1 = (wiring.internal[np.ix_(~mine_in, which)] for which in (~mine_out, mine_out))
+    u = solved_wires(diagram, S @ D, np.hstack([S @ C, S1 @ seen, E + S1 @ direct]))
+    y_of = np.zeros((wiring.output_block.size, u.shape[1]))
+    y_of[~mine_out] = D @ u
+    m, n = A.shape[0], seen.shape[1]
+    y_of[~mine_out, :m] += C
+    y_of[mine_out, m : m + n], y_of[mine_out, m + n :] = seen, direct
+    driven, z = B @ u, y_of[wiring.readout]
     return Cascade(
-        omega=np.concatenate([np.zeros(0), *(p.omega for p, _ in plants)]),
-        zeta=np.concatenate([np.zeros(0), *(p.zeta for p, _ in plants)]),
-        shape_in=system.B[velocity],
-        A=system.A[np.ix_(other, other)],
-        from_modes=system.A[np.ix_(other, modal)],
-        B=system.B[other],
-        C_modes=system.C[:, modal],
-        C=system.C[:, other],
+        omega=np.concatenate([np.zeros(0), *(p.omega for p in plants)]),
+        zeta=np.concatenate([np.zeros(0), *(p.zeta for p in plants)]),
+        shape_in=block_diagonal([p.shape_in for p in plants]) @ outside,
+        A=A + driven[:, :m],
+        from_modes=driven[:, m : m + n],
+        B=driven[:, m + n :],
+        C_modes=z[:, m : m + n],
+        C=z[:, :m],
+        D=z[:, m + n :],
+        **_places(diagram, listening),
+        dt=diagram.dt,
+    )
+
+
+def _listens(diagram: Diagram, block: Any, k: int) -> bool:
+    """True for a modal plant that no other block drives."""
+    wiring = diagram.wiring
+    uncoupled = isinstance(block, ModalPlant) and block.damping is None
+    return uncoupled and bool((wiring.source[wiring.input_block == k] == NONE).all())
+
+
+def _places(diagram: Diagram, listening: list[int]) -> dict[str, IntArray]:
+    """Where the states of the listening plants, displacements before velocities, and the other states stand."""
+    position, velocity, other, first = [], [], [], 0
+    for k, block in enumerate(diagram.blocks.values()):
+        n = 2 * block.n_modes if isinstance(block, ModalPlant) else block.n_states
+        states = np.arange(first, first + n)
+        if k in listening:
+            position.append(states[: n // 2])
+            velocity.append(states[n // 2 :])
+        else:
+            other.append(states)
+        first += n
+    none = np.zeros(0, dtype=np.int64)
+    return {"modal_states": np.concatenate([none, *position, *velocity]), "other_states": np.concatenate([none, *other])}
+
+
+def _undivided(system: StateSpace) -> Cascade:
+    """Without modes."""
+    nw, nz, m = system.B.shape[1], system.C.shape[0], system.n_states
+    none = np.zeros(0)
+    return Cascade(
+        omega=none,
+        zeta=none,
+        shape_in=np.zeros((0, nw)),
+        A=system.A,
+        from_modes=np.zeros((m, 0)),
+        B=system.B,
+        C_modes=np.zeros((nz, 0)),
+        C=system.C,
         D=system.D,
-        modal_states=modal,
-        other_states=other,
+        modal_states=none.astype(np.int64),
+        other_states=np.arange(m),
         dt=system.dt,
     )

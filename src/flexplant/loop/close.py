@@ -23,7 +23,8 @@ def close(diagram: Diagram) -> StateSpace:
     systems = [state_space(block) for block in diagram.blocks.values() if not isinstance(block, SampledBlock)]
     A, B, C, D = (block_diagonal([getattr(s, letter) for s in systems]) for letter in "ABCD")
     wiring = diagram.wiring
-    u_of_x, u_of_w = _solve_inputs(diagram, C, D)
+    S, E = wiring.internal, wiring.entry
+    u_of_x, u_of_w = np.hsplit(solved_wires(diagram, S @ D, np.hstack([S @ C, E])), [C.shape[1]])
     read = wiring.readout
     return StateSpace(
         A + B @ u_of_x,
@@ -50,16 +51,12 @@ def linear_only(diagram: Diagram) -> None:
         raise DiagramError(f"mixed sample times ({diagram.rates}): simulate the diagram, or discretize all blocks at one dt")
 
 
-def _solve_inputs(diagram: Diagram, C: FloatArray, D: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """u = u_of_x x + u_of_w w from (I - S D) u = S C x + E w."""
-    S, E = diagram.wiring.internal, diagram.wiring.entry
-    right: FloatArray = np.hstack([S @ C, E])
+def solved_wires(diagram: Diagram, through: FloatArray, right: FloatArray) -> FloatArray:
+    """(I - through)^-1 right, through = S D; DiagramError where an allowed algebraic loop is not well posed."""
     if diagram.allow_algebraic_loops:
-        right = np.asarray(np.linalg.solve(_well_posed(np.eye(S.shape[0]) - S @ D, diagram), right))
-    else:
-        # without algebraic loops S D is nilpotent, and the finite sum I + S D + (S D)^2 + ... is exact
-        right = _nilpotent_solve(S @ D, right)
-    return right[:, : C.shape[1]], right[:, C.shape[1] :]
+        return np.asarray(np.linalg.solve(_well_posed(np.eye(through.shape[0]) - through, diagram), right))
+    # without algebraic loops S D is nilpotent, and the finite sum I + S D + (S D)^2 + ... is exact
+    return _nilpotent_solve(through, right)
 
 
 def _nilpotent_solve(N: FloatArray, right: FloatArray) -> FloatArray:

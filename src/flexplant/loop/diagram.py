@@ -99,8 +99,8 @@ def _sample_times(blocks: Mapping[str, Block]) -> dict[str, float | None]:
 
 
 def block_diagonal(matrices: Sequence[FloatArray]) -> FloatArray:
-    """Block-diagonal matrix that keeps the rows and columns of empty blocks."""
-    return np.asarray(scipy.linalg.block_diag(*matrices), dtype=float)
+    """Block-diagonal matrix that keeps the rows and columns of empty blocks; (0, 0) of no blocks."""
+    return np.asarray(scipy.linalg.block_diag(*matrices), dtype=float) if matrices else np.zeros((0, 0))
 
 
 def _feedthrough(block: Block) -> FloatArray:
