@@ -120,11 +120,26 @@ def test_extptfm_text_comes_back_bit_equal(tmp_path: Path) -> None:
         np.testing.assert_array_equal(getattr(back, kind), getattr(given, kind))
     lines = path.read_text().splitlines()
     assert lines[2] == "!Dimension: 9"  # OpenFAST takes what follows column 11
+    assert lines[5:8] == ["", "!Mass Matrix", "!Dimension: 9"]  # as in OpenFAST's own example
+    assert lines[-3:] == ["!Dimension: 1 time column - 9 force columns", "0.0" + " 0." * 9, "3600.0" + " 0." * 9]
     with pytest.raises(InputError, match="one boundary node with DOF 1 to 6"):
         write_component(component(), tmp_path / "panel.extptfm")
-    (tmp_path / "cut.extptfm").write_text("\n".join(lines[:14]))
+    (tmp_path / "cut.extptfm").write_text("\n".join(lines[:15]))
     with pytest.raises(ReadError, match="has 7 of 9 rows"):
         read_component(tmp_path / "cut.extptfm")
+
+
+def test_extptfm_lines_of_loads_stay_within_what_openfast_reads(tmp_path: Path) -> None:
+    """OpenFAST reads them into 4096 characters, and takes a line that begins with a title for that title."""
+
+    def jacket(n: int) -> Component:
+        return Component(name="Dimension", mass=np.eye(n), stiffness=np.eye(n), boundary=[(1, "123456")])
+
+    lines = write_component(jacket(1350), tmp_path / "big.extptfm").read_text().splitlines()
+    assert max(map(len, lines[-2:])) < 4096
+    assert next(line for line in lines if line.upper().startswith("!DIMENSION")) == "!Dimension: 1350"
+    with pytest.raises(InputError, match="at most 1350"):
+        write_component(jacket(1351), tmp_path / "bigger.extptfm")
 
 
 def test_simscape_matrices_stand_along_the_common_frame(tmp_path: Path) -> None:

@@ -1,7 +1,8 @@
 """A component as a Nastran external superelement: `.op4` (KXX, MXX, BXX and recovery matrices) with `.asm` and `.pch`.
 
 Matrices are binary and bit-equal; positions in the text files keep 12 digits. The `.pch` lists the DOF of the rows (EXTRN),
-the `.asm` has GRID, CORD2R, SPOINT and SECONCT. Recovery matrices whose name fits (M..., up to 8 letters) go along.
+the `.asm` has GRID, CORD2R, SPOINT and SECONCT, and as comments the CUSERIN and PUSERIN entries that MYSTRAN takes instead.
+Recovery matrices whose name fits (M..., up to 8 letters) go along.
 """
 
 from __future__ import annotations
@@ -30,6 +31,7 @@ def write_component(component: Component, path: Path, *, target: Path, superelem
     listed = [*grouped(component.boundary), *((point, "0") for point in points)]
     geometry = geometry_text(component.nodes, component.boundary, points)
     seconct = _seconct(superelement, [*component.boundary.nodes, *points])
+    userin = _userin(superelement, listed, points, target.name)
     with path.open("wb") as stream:
         for kind, name in MATRICES:
             if (matrix := getattr(component, kind)) is not None:
@@ -37,7 +39,7 @@ def write_component(component: Component, path: Path, *, target: Path, superelem
         for recovery in component.recovery.values():
             if recovery.displacement is not None and recovery.name.upper().startswith("M") and len(recovery.name) <= 8:
                 stream.write(op4_matrix(recovery.name.upper(), recovery.displacement, RECTANGULAR))
-    for ending, text in ((".asm", seconct + geometry), (".pch", pairs_text("EXTRN", listed) + geometry)):
+    for ending, text in ((".asm", seconct + geometry + userin), (".pch", pairs_text("EXTRN", listed) + geometry)):
         with replacing(target.with_suffix(ending)) as work:
             work.write_text(f"$ {component.name}\n{text}", encoding="utf-8")
 
@@ -65,10 +67,24 @@ def _seconct(superelement: int, points: list[int]) -> str:
     return f"SECONCT {superelement:8d}{0:8d}{'':8}{'NO':>8}\n" + "".join(f"{'':8}{line}\n" for line in lines)
 
 
+def _userin(superelement: int, listed: list[tuple[int, str]], points: list[int], file: str) -> str:
+    """MYSTRAN's entries for a matrix element, commented out; nothing where its row order (DOF ascending) is not ours."""
+    grids = listed[: len(listed) - len(points)]
+    ordered = all("0" not in digits and list(digits) == sorted(digits) for _, digits in grids)
+    if not ordered or len(dict(grids)) != len(grids):
+        return ""
+    lines = [f"CUSERIN {superelement:8d}{superelement:8d}{len(grids):8d}{len(points):8d}{0:8d}"]
+    lines += ["+       " + "".join(f"{n:8d}{digits:>8}" for n, digits in grids[at : at + 4]) for at in range(0, len(grids), 4)]
+    lines += ["+       " + "".join(f"{p:8d}" for p in points[at : at + 8]) for at in range(0, len(points), 8)]
+    lines.append(f"PUSERIN {superelement:8d}{1:8d}{'KXX':>8}{'MXX':>8}")
+    title = f"$ MYSTRAN: IN4 1 = {file.upper()} (executive control; file name in capitals), and these without the dollar sign:\n"
+    return title + "".join(f"${line}\n" for line in lines)
+
+
 WRITER = Writer(
     name="nastran_op4",
     description="Nastran external superelement: .op4 with .asm and .pch",
     suffixes=(".op4",),
-    tested_against="pyYeti",
+    tested_against="pyYeti, MYSTRAN 18.0",
     writers={"write_component": write_component},
 )
