@@ -28,8 +28,9 @@ def test_second_order_and_first_order_matrices_are_the_same_plant(tmp_path: Path
     second |= {"F": PLANT.shape_out, "G": PLANT.shape_out_velocity, "D": PLANT.direct}
     scipy.io.savemat(tmp_path / "mech.mat", second)
     expected = frequency_response(PLANT, HZ).values
-    for plant in (read_plant(tmp_path / "mech.mat"), read_plant(write_plant(PLANT, tmp_path / "first.mat"))):
-        assert tuple(plant.inputs) == ("u1", "u2")
+    unnamed, named = read_plant(tmp_path / "mech.mat"), read_plant(write_plant(PLANT, tmp_path / "first.mat"))
+    assert (tuple(unnamed.inputs), tuple(named.inputs)) == (("u1", "u2"), ("a", "b"))
+    for plant in (unnamed, named):
         np.testing.assert_allclose(frequency_response(plant, HZ).values, expected, rtol=1e-10)
 
 
@@ -39,6 +40,36 @@ def test_discrete_plants_keep_their_step_and_bits(tmp_path: Path) -> None:
     assert isinstance(back, StateSpace)
     assert back.dt == 0.25
     np.testing.assert_array_equal(back.A, given.A)
+
+
+def test_names_and_units_of_channels_come_back(tmp_path: Path) -> None:
+    """From cells of either shape and from char arrays, compressed or not; channels without a name get one."""
+    names = ["bus.101.1", "rad.\u00e4.x"]
+    given = ModalPlant(
+        omega=[3.0], zeta=0.01, shape_in=np.ones((1, 2)), shape_out=np.ones((1, 1)), inputs=names, outputs=["optic.9.2:v"],
+        input_units=["N", "N"], output_units=["m/s"], name="jitter",
+    )  # fmt: skip
+    back = read_plant(write_plant(given, tmp_path / "p.mat"))
+    assert (tuple(back.inputs), tuple(back.outputs), back.name) == (tuple(names), ("optic.9.2:v",), "jitter")
+    assert (tuple(back.input_units), tuple(back.output_units)) == (("N", "N"), ("m/s",))
+    matrices = {"A": -np.eye(1), "B": np.ones((1, 2)), "C": np.ones((2, 1)), "D": np.zeros((2, 2))}
+    rows = np.empty((1, 2), dtype=object)
+    rows[0, :] = ["left", ""]
+    for compress in (False, True):
+        texts = {"InputName": rows, "OutputName": np.array(["dish  ", "mirror"])}
+        scipy.io.savemat(tmp_path / "q.mat", matrices | texts, do_compression=compress)
+        plant = read_plant(tmp_path / "q.mat")
+        assert (tuple(plant.inputs), tuple(plant.outputs)) == (("left", "u2"), ("dish", "mirror"))
+
+
+@pytest.mark.parametrize(("names", "message"), [(["a", "b", "c"], "3 names for 2 inputs"), (["a", "a"], "listed twice: a")])
+def test_names_that_do_not_fit_are_an_error(tmp_path: Path, names: list[str], message: str) -> None:
+    cells = np.empty((len(names), 1), dtype=object)
+    cells[:, 0] = names
+    matrices = {"A": -np.eye(1), "B": np.ones((1, 2)), "C": np.ones((1, 1)), "D": np.zeros((1, 2)), "InputName": cells}
+    scipy.io.savemat(tmp_path / "q.mat", matrices)
+    with pytest.raises(ReadError, match=message):
+        read_plant(tmp_path / "q.mat")
 
 
 def test_a_sidecar_needs_no_names_for_m_c_k(tmp_path: Path) -> None:

@@ -17,7 +17,7 @@ from flexplant.errors import InputError, ReadError, nearest
 from flexplant.io.formats import Writer
 from flexplant.io.parse.files import as_path, checked_file, read_head
 from flexplant.io.parse.h5 import SIGNATURE, read_h5
-from flexplant.io.parse.mat5 import read_mat
+from flexplant.io.parse.mat5 import read_mat, read_mat_texts
 from flexplant.io.parse.npz import looks_like_npz, read_npz
 from flexplant.io.parse.own_plant import Plant, unpack_matlab, unpack_plant
 from flexplant.io.write.atomic import replacing
@@ -115,5 +115,5 @@ def read_plant(path: str | Path) -> Plant:
     if head.startswith(SIGNATURE):
         return unpack_plant(read_h5(path), path)
     if head.startswith(b"MATLAB "):
-        return unpack_matlab(read_mat(path), path)
+        return unpack_matlab(read_mat(path), path, read_mat_texts(path))
     raise ReadError(path, "is not a plant in flexplant's .npz or .h5, or a .mat file")

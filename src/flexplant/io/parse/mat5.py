@@ -1,4 +1,4 @@
-"""MATLAB version 5 to 7.2 MAT-files: real numeric matrices, dense and sparse, read with every length checked.
+"""MATLAB version 5 to 7.2 MAT-files: real numeric matrices, dense and sparse, and texts, read with every length checked.
 
 Layout: "MAT-File Format" (MathWorks). Own reader, because a corrupt file can crash the interpreter inside scipy's.
 """
@@ -23,7 +23,9 @@ from flexplant.model.arrays import Matrix
 
 HEADER_BYTES, MATRIX, COMPRESSED = 128, 14, 15
 NUMBERS = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 9: "f8", 12: "i8", 13: "u8"}
+CELL_CLASS, CHAR_CLASS = 1, 4
 SPARSE_CLASS, NUMERIC_CLASSES, COMPLEX_FLAG = 5, range(6, 16), 0x800
+ENCODINGS = {1: "latin-1", 2: "latin-1", 4: "utf-16", 16: "utf-8", 17: "utf-16", 18: "utf-32"}
 
 
 @dataclass
@@ -87,17 +89,9 @@ def read_mat(path: str | Path, *, max_bytes: float = MAX_BYTES) -> dict[str, Mat
 
     Raises ReadError naming the matrix and byte for version 7.3, corrupt files, and more than max_bytes unpacked.
     """
-    path = Path(path)
-    data = read_bytes(path)
-    if data.startswith(b"MATLAB 7.3"):
-        raise ReadError(path, "is a version 7.3 MAT-file; save it with -v7 (or as .npz)")
-    order = {b"IM": "<", b"MI": ">"}.get(data[126:128])
-    if order is None:
-        raise ReadError(path, "is not a version 5 MAT-file", offset=126)
-    file, out = _File(path, order, max_bytes), {}
-    for element in file.elements(memoryview(data), HEADER_BYTES):
-        inner = file.unpacked(element) if element.kind == COMPRESSED else element
-        if inner.kind == MATRIX and (found := _matrix(file, inner)) is not None:
+    out: dict[str, Matrix] = {}
+    for file, element in _variables(Path(path), max_bytes):
+        if (found := _matrix(file, element)) is not None:
             name, matrix = found
             if name in out:
                 raise file.fail("is stored twice", element.at, name)
@@ -105,21 +99,76 @@ def read_mat(path: str | Path, *, max_bytes: float = MAX_BYTES) -> dict[str, Mat
     return out
 
 
-def _matrix(file: _File, element: _Element) -> tuple[str, Matrix] | None:
-    """Name and matrix; None for what is no numeric matrix."""
+def read_mat_texts(path: str | Path, *, max_bytes: float = MAX_BYTES) -> dict[str, list[str]]:
+    """The texts of a MAT-file by name: the rows of a char array, or the texts in a cell; other variables are left out.
+
+    Raises ReadError as `read_mat`, and for a char array that is no text.
+    """
+    out: dict[str, list[str]] = {}
+    for file, element in _variables(Path(path), max_bytes):
+        parts, kind, shape, name = _described(file, element)
+        if kind == CHAR_CLASS:
+            out[name] = _rows(file, parts, shape, name)
+        elif kind == CELL_CLASS:
+            cells = [_described(file, part) for part in parts[3:] if part.kind == MATRIX]
+            if len(cells) == math.prod(shape) and all(inner == CHAR_CLASS for _, inner, _, _ in cells):
+                out[name] = ["".join(_rows(file, held, size, name)) for held, _, size, _ in cells]
+    return out
+
+
+def _variables(path: Path, max_bytes: float) -> Iterator[tuple[_File, _Element]]:
+    """The matrix elements of a file, unpacked; ReadError for another version."""
+    data = read_bytes(path)
+    if data.startswith(b"MATLAB 7.3"):
+        raise ReadError(path, "is a version 7.3 MAT-file; save it with -v7 (or as .npz)")
+    order = {b"IM": "<", b"MI": ">"}.get(data[126:128])
+    if order is None:
+        raise ReadError(path, "is not a version 5 MAT-file", offset=126)
+    file = _File(path, order, max_bytes)
+    for element in file.elements(memoryview(data), HEADER_BYTES):
+        inner = file.unpacked(element) if element.kind == COMPRESSED else element
+        if inner.kind == MATRIX:
+            yield file, inner
+
+
+def _described(file: _File, element: _Element) -> tuple[list[_Element], int, tuple[int, ...], str]:
+    """Parts, class, shape and name of a matrix element; an empty one (no bytes) is an empty double."""
     parts = list(file.elements(element.data, 0))
+    if not parts and not element.data:
+        return [], NUMERIC_CLASSES.start, (0, 0), ""
     if len(parts) < 3 or len(parts[0].data) < 8:
         raise file.fail("a matrix lacks flags, size or name", element.at)
     (flags,) = struct.unpack_from(file.order + "I", parts[0].data)
     name = one_line(bytes(parts[2].data).decode("latin-1"))
-    kind = flags & 0xFF
+    shape = tuple(int(n) for n in file.numbers(parts[1], name))
+    if min(shape, default=-1) < 0:
+        raise file.fail(f"has shape {shape}", element.at, name)
+    return parts, flags & 0xFF, shape, name
+
+
+def _rows(file: _File, parts: list[_Element], shape: tuple[int, ...], name: str) -> list[str]:
+    """The rows of a char array as texts without blanks at their ends."""
+    if not math.prod(shape):
+        return [""]
+    if len(parts) < 4 or parts[3].kind not in ENCODINGS:
+        raise file.fail("is a text without characters", parts[2].at, name)
+    encoding = ENCODINGS[parts[3].kind]
+    if encoding in ("utf-16", "utf-32"):
+        encoding += "-le" if file.order == "<" else "-be"
+    text = bytes(parts[3].data).decode(encoding, "replace")
+    if len(shape) != 2 or len(text) != math.prod(shape):
+        raise file.fail(f"claims shape {shape}, but has {len(text)} characters", parts[3].at, name)
+    return [text[i :: shape[0]].rstrip() for i in range(shape[0])]
+
+
+def _matrix(file: _File, element: _Element) -> tuple[str, Matrix] | None:
+    """Name and matrix; None for what is no numeric matrix."""
+    parts, kind, shape, name = _described(file, element)
     if kind != SPARSE_CLASS and kind not in NUMERIC_CLASSES:
         return None
-    shape = tuple(int(n) for n in file.numbers(parts[1], name))
-    needed = 6 if kind == SPARSE_CLASS else 4
-    if len(parts) < needed or min(shape, default=-1) < 0:
+    if len(parts) < (6 if kind == SPARSE_CLASS else 4):
         raise file.fail(f"of shape {shape} lacks its numbers", element.at, name)
-    if flags & COMPLEX_FLAG:
+    if struct.unpack_from(file.order + "I", parts[0].data)[0] & COMPLEX_FLAG:
         raise file.fail("is complex; real matrices are needed", element.at, name)
     if kind == SPARSE_CLASS:
         return name, _sparse(file, shape, [file.numbers(p, name) for p in parts[3:6]], element.at, name)

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -57,27 +59,36 @@ def unpack_plant(arrays: Arrays, path: Path) -> Plant:
     return plant
 
 
-def unpack_matlab(arrays: Arrays, path: Path) -> Plant:
+def unpack_matlab(arrays: Arrays, path: Path, texts: Mapping[str, Sequence[str]] = MappingProxyType({})) -> Plant:
     """A plant from plain MATLAB matrices: M, C, K, B, F, G, D (mechss) as Descriptor, A, B, C, D (E) as such.
 
-    dt of A, B, C, D: seconds, 0 or none for continuous time. Names of channels in cells are not read: "u1", ..., "y1", ...
+    dt of A, B, C, D: seconds, 0 or none for continuous time. texts: InputName, OutputName, InputUnit, OutputUnit and Name;
+    channels without a name are "u1", ..., "y1", ...
     Raises ReadError where the matrices of neither form are there, or do not fit together.
     """
     try:
         if {"M", "K", "B"} <= set(arrays):
-            return _from_mechss(arrays)
+            return _from_mechss(arrays, texts)
         if {"A", "B", "C"} <= set(arrays):
-            return _from_first_order(arrays)
+            return _from_first_order(arrays, texts)
     except (ModelError, ValueError, TypeError, IndexError) as error:
         raise ReadError(path, one_line(error)) from None
     raise ReadError(path, f"is not a plant: it needs A, B, C, D or M, C, K, B, F, G, D; it has {', '.join(arrays) or 'nothing'}")
 
 
-def _channels(nu: int, ny: int) -> dict[str, Any]:
-    return {"inputs": [f"u{i + 1}" for i in range(nu)], "outputs": [f"y{i + 1}" for i in range(ny)]}
+def _channels(nu: int, ny: int, texts: Mapping[str, Sequence[str]]) -> dict[str, Any]:
+    """Names and units of the channels, and the plant's name, where the file has them."""
+    out: dict[str, Any] = {}
+    for kind, key, letter, count in (("inputs", "Input", "u", nu), ("outputs", "Output", "y", ny)):
+        names, units = (list(texts.get(key + what, ())) for what in ("Name", "Unit"))
+        if names and len(names) != count:
+            raise ModelError(f"{key}Name has {len(names)} names for {count} {kind}")
+        out[kind] = [name or f"{letter}{i + 1}" for i, name in enumerate(names or [""] * count)]
+        out |= {f"{kind[:-1]}_units": units} if len(units) == count and any(units) else {}
+    return out | ({"name": texts["Name"][0]} if texts.get("Name", [""])[0] else {})
 
 
-def _from_mechss(arrays: Arrays) -> Descriptor:
+def _from_mechss(arrays: Arrays, texts: Mapping[str, Sequence[str]]) -> Descriptor:
     """x = [q; q']: E = [[I, 0], [0, M]], A = [[0, I], [-K, -C]], B = [0; B], C = [F, G]."""
     M, K, B = (sp.csr_array(arrays[k]) for k in "MKB")
     n, nu = B.shape
@@ -88,15 +99,15 @@ def _from_mechss(arrays: Arrays) -> Descriptor:
     E = sp.block_diag([sp.eye_array(n), M], format="csr")
     A = sp.block_array([[None, sp.eye_array(n)], [-K, -damping]], format="csr")
     stacked = sp.vstack([sp.csr_array((n, nu)), B])
-    return Descriptor(E, A, stacked, sp.hstack([F, G]), D, **_channels(nu, F.shape[0]))
+    return Descriptor(E, A, stacked, sp.hstack([F, G]), D, **_channels(nu, F.shape[0], texts))
 
 
-def _from_first_order(arrays: Arrays) -> Plant:
+def _from_first_order(arrays: Arrays, texts: Mapping[str, Sequence[str]]) -> Plant:
     from flexplant.model.arrays import dense
 
     A, B, C = (dense(arrays[k]) for k in "ABC")
     D = dense(arrays["D"]) if "D" in arrays else np.zeros((C.shape[0], B.shape[1]))
-    channels = _channels(B.shape[1], C.shape[0])
+    channels = _channels(B.shape[1], C.shape[0], texts)
     if "E" in arrays:
         return Descriptor(arrays["E"], A, B, C, D, **channels)
     dt = float(np.ravel(arrays["dt"])[0]) if "dt" in arrays else 0.0
