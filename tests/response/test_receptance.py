@@ -73,6 +73,30 @@ def test_all_forms_of_the_loops_fill_every_tile(kernel, rows, count):
         assert np.isnan(np.delete(out, where, axis=0)).all()
 
 
+@pytest.mark.parametrize("count", [1, 30, 500])
+def test_groups_are_sums_at_frequencies_of_their_own(kernel, count):
+    rng = np.random.default_rng(5)
+    omega, zeta, columns = np.r_[0.0, rng.uniform(300, 6000, 60)], np.r_[0.0, np.full(60, 0.01)], rng.normal(size=(3, 5, 61))
+    w = np.outer([1.0, 2.5, 7.0], np.linspace(2.0, 900.0, count))
+    found = ModalSum(columns, omega, zeta).groups(w)
+    for g in range(3):
+        one = ModalSum(columns[g], omega, zeta)(w[g])
+        assert (abs(found[:, g] - one).max(axis=1) / abs(one).max(axis=1)).max() < 1e-14
+
+
+def test_blocks_cover_all_frequencies_once():
+    rng = np.random.default_rng(3)
+    poles, w = np.sort(rng.uniform(0, 6000, 150)), np.linspace(1, 7000, 24 * 13 - 5)[None]
+    blocks = module.work_blocks(w, poles, 2)
+    order = np.argsort(blocks[:, 0])
+    ends = blocks[order, :2]
+    assert ends[0, 0] == 0
+    assert ends[-1, 1] == w.size
+    assert (ends[1:, 0] <= ends[:-1, 1]).all()  # only the last one is moved back to fill its strip
+    assert ((ends[1:, 0] == ends[:-1, 1])[:-1]).all()
+    assert len(blocks) > 3
+
+
 def test_modes_at_the_edge_of_a_block_are_summed_one_by_one():
     """Poles everywhere around one block, one at a time: inside and outside the ellipse the error stays round-off."""
     w = np.linspace(1000.0, 1100.0, 480)
@@ -106,7 +130,7 @@ def arguments():
     transform = module.TO_COEFFICIENTS.ravel()
     return (
         rng.normal(size=8 * n), np.sort(rng.uniform(500, 900, n)), rng.uniform(1, 9, n), np.linspace(1, 20, nf),
-        np.array([[0, nf, 3, 9]]), np.cos(module.ANGLES), transform, 0, rng.normal(size=8), np.arange(8),
+        np.array([[0, nf, 3, 9, 0, 8]]), np.cos(module.ANGLES), transform, 0, rng.normal(size=8), np.arange(8),
         np.empty((n + 3 * 6) * 48), np.empty(3 * 24 * 24), np.zeros(8 * nf * 2),
     )  # fmt: skip
 

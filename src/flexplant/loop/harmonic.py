@@ -61,12 +61,15 @@ def _sweep(system: Linear, wheel: Wheel, speeds: FloatArray) -> xr.Dataset:
     if sweep.pays:
         whole = np.zeros((len(system.inputs), harmonics.size), dtype=complex)
         np.add.at(whole, columns, amplitudes)
-        Y = np.stack([sweep(a, 2 * np.pi * (h * speeds)) for h, a in zip(harmonics, whole.T, strict=True)], axis=1) * speeds**2
+        ascending = np.argsort(speeds)
+        Y = np.empty((len(system.outputs), harmonics.size, speeds.size), dtype=complex)
+        Y[:, :, ascending] = sweep(whole, 2 * np.pi * np.outer(harmonics, speeds[ascending]))
+        Y *= speeds**2
     else:
         Y = _by_response(system, harmonics, amplitudes, columns, speeds)
     return xr.Dataset(
         {
-            "rms": (("output", "omega_hz"), np.sqrt((abs(Y) ** 2).sum(axis=1) / 2)),
+            "rms": (("output", "omega_hz"), np.sqrt((Y.real**2 + Y.imag**2).sum(axis=1) / 2)),
             "amplitude": (("output", "harmonic", "omega_hz"), Y),
         },
         coords={"output": list(system.outputs), "omega_hz": speeds, "harmonic": harmonics},

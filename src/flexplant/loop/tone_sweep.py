@@ -1,4 +1,4 @@
-"""Steady states of a `Cascade` at many frequencies, each with its own input: one pass over modes and frequencies."""
+"""Steady states of a `Cascade` for several inputs, each at many frequencies of its own: one pass over modes and frequencies."""
 
 from __future__ import annotations
 
@@ -42,55 +42,78 @@ class ToneSweep:
         return self.cascade.A.shape[0] <= SMALL or self._vectors is not None
 
     def __call__(self, amplitude: ComplexArray, omega: FloatArray) -> ComplexArray:
-        """(nz, nf) outputs for one input vector a (nw,) at omega (nf,) rad/s. InputError on an undamped mode."""
-        self._refuse_poles(omega)
+        """(nz, k, nf) outputs for input vectors a (nw, k), each at omega (k, nf) rad/s, ascending along nf.
+
+        InputError on an undamped mode.
+        """
+        self._refuse_poles(omega.ravel())
         cascade, nz = self.cascade, self.cascade.D.shape[0]
-        force = cascade.shape_in @ amplitude
-        through = np.zeros((nz + cascade.A.shape[0], omega.size), dtype=complex)
-        through[self._used] = self._modal(force, omega)
-        s = np.asarray(1j * omega if cascade.dt is None else np.exp(1j * omega * cascade.dt), dtype=np.complex128)
-        direct = (cascade.D @ amplitude)[:, None]
-        if not cascade.A.size:
-            return np.asarray(through + direct)
-        driven: ComplexArray = np.asarray(through[nz:] + (cascade.B @ amplitude)[:, None])
-        return np.asarray(through[:nz] + direct + self._rest(driven, s))
+        out = np.repeat((cascade.D @ amplitude)[:, :, None], omega.shape[1], axis=2)
+        driven = np.repeat((cascade.B @ amplitude)[:, :, None], omega.shape[1], axis=2)
+        through = self._modal(cascade.shape_in @ amplitude, omega)
+        used = np.flatnonzero(self._used)
+        seen = int((used < nz).sum())
+        out[used[:seen]] += through[:seen]
+        driven[used[seen:] - nz] += through[seen:]
+        if cascade.A.size:
+            s = np.asarray(1j * omega if cascade.dt is None else np.exp(1j * omega * cascade.dt), dtype=np.complex128)
+            out += self._rest(driven.reshape(driven.shape[0], -1), s.ravel()).reshape(out.shape)
+        return np.asarray(out, dtype=np.complex128)
 
     def _modal(self, force: ComplexArray, omega: FloatArray) -> ComplexArray:
-        """(rows, nf) what the modes add under the modal force (n,)."""
+        """(rows, k, nf) what the modes add under the modal forces (n, k): real sums, for the parts that are there."""
         cascade, flexible = self.cascade, self.flexible
-        parts = [p * f for p in (self._position, self._velocity) for f in (force.real, force.imag)]
-        needed = [bool(part.any()) for part in parts]
-        stacked = np.vstack([np.zeros((0, force.size)), *(p for p, use in zip(parts, needed, strict=True) if use)])
-        rigid = stacked[:, ~flexible].sum(axis=1)
-        product = ModalSum(stacked[:, flexible], cascade.omega[flexible], cascade.zeta[flexible])(omega)
+        parts = [p * f.T[:, None, :] for p in (self._position, self._velocity) for f in (force.real, force.imag)]
+        needed = [k for k, part in enumerate(parts) if part.any()]
+        out = np.zeros((self._position.shape[0], *omega.shape), dtype=complex)
+        if not needed:
+            return out
+        columns = np.concatenate([parts[k] for k in needed], axis=1)
+        modes, zeta, stacked = cascade.omega[flexible], cascade.zeta[flexible], columns[:, :, flexible]
+        rigid = columns[:, :, ~flexible].sum(axis=2)
         if rigid.any():
-            product += np.outer(rigid, -1 / np.where(omega == 0, np.inf, omega) ** 2)
-        pieces = iter(np.split(product, sum(needed)) if any(needed) else [])
-        none = np.zeros((self._position.shape[0], omega.size), dtype=complex)
-        found: list[ComplexArray] = [next(pieces) if use else none for use in needed]
-        out: ComplexArray = found[0] + 1j * found[1] + 1j * omega * (found[2] + 1j * found[3])
+            modes, zeta = np.append(modes, 0.0), np.append(zeta, 0.0)
+            stacked = np.concatenate([stacked, rigid[:, :, None]], axis=2)
+        sums = ModalSum(stacked, modes, zeta).groups(omega).reshape(len(needed), *out.shape)
+        for k, values in zip(needed, sums, strict=True):
+            if k >= 2:
+                values *= omega
+            _add_turned(out, values, k // 2 + k % 2)
         return out
 
     def _rest(self, driven: ComplexArray, s: ComplexArray) -> ComplexArray:
         cascade = self.cascade
         if self._vectors is not None:
             modal = np.linalg.solve(self._vectors, driven)
-            return np.asarray((cascade.C @ self._vectors) @ (modal / (s - self._poles[:, None])))
+            modal /= s - self._poles[:, None]
+            return np.asarray((cascade.C @ self._vectors) @ modal)
         matrix = s[:, None, None] * np.eye(cascade.A.shape[0]) - cascade.A
         return np.asarray(cascade.C @ np.linalg.solve(matrix, driven.T[:, :, None])[:, :, 0].T)
 
     def _refuse_poles(self, omega: FloatArray) -> None:
         undamped = self.cascade.omega[(self.cascade.zeta == 0) | ~self.flexible]
-        hit = np.intersect1d(undamped, omega)
+        hit = undamped[np.isin(undamped, omega)]
         if hit.size:
             where = hit[0] / (2 * np.pi)
             raise InputError(
                 f"no steady state: a tone at {where:.6g} Hz meets an undamped mode; give it damping, or leave it out"
             )
         size = abs(self._poles).max(initial=0.0)
-        s = 1j * omega if self.cascade.dt is None else np.exp(1j * omega * self.cascade.dt)
-        for pole in self._poles[abs(self._poles.real) <= 1e-14 * size] if self.cascade.dt is None else self._poles:
+        continuous = self.cascade.dt is None
+        for pole in self._poles[abs(self._poles.real) <= 1e-14 * size] if continuous else self._poles:
+            s = 1j * omega if continuous else np.exp(1j * omega * self.cascade.dt)
             if (abs(s - pole) <= 1e-14 * size).any():
                 raise InputError(
                     f"no steady state: a tone meets an undamped pole of the loop at {abs(pole.imag) / (2 * np.pi):.6g} Hz"
                 )
+
+
+def _add_turned(out: ComplexArray, values: ComplexArray, quarters: int) -> None:
+    """out += i^quarters values."""
+    if quarters == 0:
+        out += values
+    elif quarters == 1:
+        out.real -= values.imag
+        out.imag += values.real
+    else:
+        out -= values

@@ -8,6 +8,7 @@ size (Trefethen, Approximation Theory and Approximation Practice, chapter 8). Th
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import TypeAlias
 
 import numpy as np
@@ -19,21 +20,24 @@ from flexplant.response.tiles import ROWS, STRIP, summed
 ComplexArray: TypeAlias = npt.NDArray[np.complex128]
 RHO = 10 ** (15 / STRIP)
 REACH = 0.5 * (RHO + 1 / RHO)  # half the width of that ellipse, where the block is two wide
-TABLE = 6.0  # work of a receptance, beside that of adding it to ROWS rows
+TABLE = 4.0  # work of a receptance, beside that of adding it to ROWS rows
 ANGLES = (np.arange(STRIP) + 0.5) * (np.pi / STRIP)
 # values at the nodes -> coefficients of Chebyshev polynomials
 TO_COEFFICIENTS = np.cos(np.outer(ANGLES, np.arange(STRIP))) * (np.where(np.arange(STRIP) == 0, 1.0, 2.0) / STRIP)
 
 
 class ModalSum:
-    """columns (rows, n) times the receptances of n modes; wn = 0 without damping stands for a rigid-body mode, -1 / w^2."""
+    """columns (rows, n) times the receptances of n modes; wn = 0 without damping stands for a rigid-body mode, -1 / w^2.
+
+    Columns (groups, rows, n) are for sums at frequencies of their own, (groups, nf).
+    """
 
     def __init__(self, columns: FloatArray, modal_omega: FloatArray, zeta: FloatArray) -> None:
         # the pole in the right half plane; the other one, or the other root of an overdamped mode, is farther from any w >= 0
         poles = modal_omega * np.sqrt(np.maximum(1 - zeta**2, 0.0))
         order = np.argsort(poles)
         self.poles, self.omega = poles[order], modal_omega[order]
-        self.columns, self.damping = columns[:, order], (2 * zeta * modal_omega)[order]
+        self.columns, self.damping = columns[..., order], (2 * zeta * modal_omega)[order]
 
     def __call__(
         self,
@@ -57,58 +61,72 @@ class ModalSum:
             padded = np.concatenate([w[order], np.full(max(STRIP - w.size, 0), w.max(initial=0.0))])
             out[rows[:, None], order] = self(padded, derivative=derivative, direct=direct)[:, : w.size]
         elif count:
-            _sum(self, w, derivative, direct, rows, out)
+            _sum(self, w[None], derivative, direct, rows, out)
         return out
 
-
-def work_blocks(w: FloatArray, poles: FloatArray, tiles: int) -> IntArray:
-    """(nb, 4) start, stop, first and last near mode of the blocks of ascending w (nf >= STRIP,) that cost least.
-
-    Blocks are halved as long as that saves work (counted in modes added to ROWS rows at STRIP frequencies); one whose modes are
-    all near is summed plainly.
-    """
-    strips, n = -(-w.size // STRIP), poles.size
-    row = tiles + TABLE
-    levels = []
-    for level in range(strips.bit_length()):
-        edges = (strips * np.arange(2**level + 1)) >> level
-        start, stop = np.minimum(edges[:-1] * STRIP, w.size - STRIP), np.minimum(edges[1:] * STRIP, w.size)
-        low, high = w[start], w[stop - 1]
-        margin = 0.5 * (REACH - 1) * (high - low)
-        first, last = np.searchsorted(poles, low - margin), np.searchsorted(poles, high + margin, side="right")
-        size = np.diff(edges)
-        interpolated = size * ((last - first) * row + STRIP * (tiles + 1)) + n * row + STRIP * tiles
-        plain = size * n * row
-        summed_plainly = (plain <= interpolated) | (high <= low)
-        first[summed_plainly], last[summed_plainly] = 0, n
-        cost = np.where(summed_plainly, plain, interpolated)
-        levels.append((np.stack([start, stop, first, last], axis=1), cost))
-    return _cheapest(levels)
-
-
-def _cheapest(levels: list[tuple[IntArray, FloatArray]]) -> IntArray:
-    """The blocks of least cost, where each of a level is the union of two of the next."""
-    best, halved = levels[-1][1], [np.zeros(levels[-1][1].size, dtype=bool)]
-    for _, cost in levels[-2::-1]:
-        halves = best.reshape(-1, 2).sum(axis=1)
-        halved.insert(0, halves < cost)
-        best = np.minimum(cost, halves)
-    chosen, open_ = [], np.ones(1, dtype=bool)
-    for (blocks, _), split in zip(levels, halved, strict=True):
-        chosen.append(blocks[open_ & ~split])
-        open_ = np.repeat(open_ & split, 2)
-    found = np.concatenate(chosen)
-    return np.asarray(found[np.argsort(found[:, 0])], dtype=np.int64)
+    def groups(self, w: FloatArray) -> ComplexArray:
+        """(rows, groups, nf) at w (groups, nf) >= 0, ascending along nf."""
+        count = self.columns.shape[1]
+        padded = w if w.shape[1] >= STRIP else np.pad(w, ((0, 0), (0, STRIP - w.shape[1])), mode="edge")
+        out = np.empty((count, *padded.shape), dtype=complex)
+        if count:
+            _sum(self, padded, 0, np.zeros(count), np.arange(count), out)
+        return out[:, :, : w.shape[1]]
 
 
 def _sum(total: ModalSum, w: FloatArray, derivative: int, direct: FloatArray, rows: IntArray, out: ComplexArray) -> None:
-    """`ModalSum` at ascending w (nf >= STRIP,); the rows that fill the last tile repeat the last one."""
-    n, filled = total.omega.size, np.minimum(np.arange(-(-rows.size // ROWS) * ROWS), rows.size - 1)
+    """`ModalSum` at ascending w (groups, nf >= STRIP); the rows that fill the last tile repeat the last one."""
+    n, groups, filled = total.omega.size, w.shape[0], np.minimum(np.arange(-(-rows.size // ROWS) * ROWS), rows.size - 1)
     blocks = work_blocks(w, total.poles, filled.size // ROWS)
-    left = np.ascontiguousarray(total.columns[filled].reshape(-1, ROWS, n).transpose(0, 2, 1))
+    columns = total.columns.reshape(groups, -1, n)[:, filled]
+    left = np.ascontiguousarray(columns.reshape(-1, ROWS, n).transpose(0, 2, 1))
     strips, near = -(-(blocks[:, 1] - blocks[:, 0]) // STRIP), blocks[:, 3] - blocks[:, 2]
     tables, bases = np.empty((n + int((strips * near).max())) * 2 * STRIP), np.empty(int(strips.max()) * STRIP**2)
-    modes, frequencies = (total.omega, total.damping), np.ascontiguousarray(w)
     series = (np.cos(ANGLES), TO_COEFFICIENTS.ravel())
-    target = (direct[filled], rows[filled], tables, bases, out.reshape(-1).view(np.float64))
-    summed(left.ravel(), *modes, frequencies, blocks, *series, derivative, *target)
+    target = (np.tile(direct[filled], groups), np.tile(rows[filled], groups), tables, bases, out.reshape(-1).view(np.float64))
+    summed(left.ravel(), total.omega, total.damping, np.ascontiguousarray(w).ravel(), blocks, *series, derivative, *target)
+
+
+def work_blocks(w: FloatArray, poles: FloatArray, tiles: int) -> IntArray:
+    """(nb, 6) blocks of ascending w (groups, nf >= STRIP) that cost least, with poles ascending.
+
+    Columns: start and stop in w as one list, first and last near mode, first and last row of the group, ROWS x tiles a group.
+    Blocks are halved as long as that saves work (counted in modes added to ROWS rows at STRIP frequencies); one whose modes are
+    all near is summed plainly.
+    """
+    start, stop, size = _halvings(w.shape[1])
+    n, row = poles.size, tiles + TABLE
+    low, high = w[:, start], w[:, stop - 1]
+    margin = 0.5 * (REACH - 1) * (high - low)
+    first, last = np.searchsorted(poles, low - margin), np.searchsorted(poles, high + margin, side="right")
+    interpolated = size * ((last - first) * row + STRIP * (tiles + 1)) + n * row + STRIP * tiles
+    plainly = (size * n * row <= interpolated) | (high <= low)
+    group, node = _cheapest(np.where(plainly, size * n * row, interpolated))
+    all_near = plainly[group, node]
+    near = (np.where(all_near, 0, first[group, node]), np.where(all_near, n, last[group, node]))
+    at, rows = group * w.shape[1], group * tiles * ROWS
+    return np.stack([at + start[node], at + stop[node], *near, rows, rows + tiles * ROWS], axis=1)
+
+
+@lru_cache(maxsize=64)
+def _halvings(count: int) -> tuple[IntArray, IntArray, IntArray]:
+    """Start, stop and size in strips of the blocks of `count` frequencies: all, its halves, their halves, ... (heap order)."""
+    strips = -(-count // STRIP)
+    edges = [(strips * np.arange(2**level + 1)) >> level for level in range(strips.bit_length())]
+    first, last = (np.concatenate([e[part] for e in edges]) for part in (slice(None, -1), slice(1, None)))
+    return np.minimum(first * STRIP, count - STRIP), np.minimum(last * STRIP, count), last - first
+
+
+def _cheapest(cost: FloatArray) -> tuple[IntArray, IntArray]:
+    """(group, node) of the blocks of least cost; node k (heap order) is the union of 2 k + 1 and 2 k + 2."""
+    best, chosen = cost.copy(), np.zeros(cost.shape, dtype=bool)
+    levels = [slice(2**k - 1, 2 ** (k + 1) - 1) for k in range((cost.shape[1] + 1).bit_length() - 1)]
+    for level, below in zip(levels[-2::-1], levels[:0:-1], strict=True):
+        np.minimum(cost[:, level], best[:, below][:, ::2] + best[:, below][:, 1::2], out=best[:, level])
+    reached = np.ones((cost.shape[0], 1), dtype=bool)
+    for level in levels:
+        whole = best[:, level] == cost[:, level]
+        chosen[:, level] = reached & whole
+        reached = np.repeat(reached & ~whole, 2, axis=1)
+    group, node = np.nonzero(chosen)
+    return group, node

@@ -71,10 +71,10 @@ def differentiate(omega, start, order, direct, out, begin) -> None:  # type: ign
 def sum_blocks(left, modal, damping, omega, blocks, nodes, transform, order, direct, rows, tables, bases, out):  # type: ignore[no-untyped-def]
     """Each block of frequencies: near modes one by one, the others by the Chebyshev series of their sum.
 
-    blocks (nb, 4): start and stop of the frequencies, first and last near mode. left (tiles, n, ROWS), direct and rows
-    (tiles, ROWS), nodes (STRIP,) on [-1, 1], transform (STRIP, STRIP) from values at the nodes to coefficients: flat. out: flat,
-    rows as long as omega, written strip by strip, the last of a block moved back to fit. tables: scratch for all modes at the
-    nodes and the near ones at the frequencies of a block; bases: for its polynomials.
+    blocks (nb, 6): start and stop of the frequencies, first and last near mode, first and last of its rows. left (tiles, n,
+    ROWS), direct and rows (tiles, ROWS), nodes (STRIP,) on [-1, 1], transform (STRIP, STRIP) from values at the nodes to
+    coefficients: flat. out: flat, rows as long as omega, written strip by strip, the last of a block moved back to fit.
+    tables: scratch for all modes at the nodes and the near ones at the frequencies of a block; bases: for its polynomials.
     """
     n, wide, square, step = modal.size, 2 * STRIP, STRIP * STRIP, 2 * omega.size
     work, own, nothing = np.empty(2 * SIZE + STRIP), np.arange(ROWS), np.zeros(direct.size)
@@ -95,7 +95,7 @@ def sum_blocks(left, modal, damping, omega, blocks, nodes, transform, order, dir
             receptances(modal, damping, low, high, omega, at, tables, (n + k * near) * wide)
             if terms:
                 polynomials(omega, at, center, half, bases, k * square)
-        for t in range(0, rows.size, ROWS):
+        for t in range(blocks[b, 4], blocks[b, 5], ROWS):
             if terms:
                 tile(left, t * n, n, tables, 0, work, 0, 0, transform, 0, nothing, work, own, 0, wide, 0)
                 tile(left, 0, 0, tables, 0, work, 0, STRIP, transform, 0, nothing, work, own, 0, wide, SIZE)
@@ -111,20 +111,20 @@ def sum_blocks(left, modal, damping, omega, blocks, nodes, transform, order, dir
 def sum_blocks_numpy(left, modal, damping, omega, blocks, nodes, transform, order, direct, rows, tables, bases, out):  # type: ignore[no-untyped-def]  # noqa: ARG001  one signature
     """The same by matrix products, without numba."""
     n, transform = modal.size, transform.reshape(STRIP, STRIP)
-    columns = left.reshape(-1, n, ROWS).transpose(0, 2, 1).reshape(-1, n)
+    all_columns = left.reshape(-1, n, ROWS).transpose(0, 2, 1).reshape(-1, n)
     values = out.view(np.complex128).reshape(-1, omega.size)
-    for start, stop, low, high in blocks:
-        w, near = omega[start:stop], slice(low, high)
-        real, imaginary = (columns[:, near] @ table for table in _receptances_numpy(modal[near], damping[near], w))
+    for start, stop, low, high, above, below in blocks:
+        w, near, these = omega[start:stop], slice(low, high), all_columns[above:below]
+        real, imaginary = (these[:, near] @ table for table in _receptances_numpy(modal[near], damping[near], w))
         if high - low < n:
             center, half = 0.5 * (w[0] + w[-1]), 0.5 * (w[-1] - w[0])
             at_nodes = _receptances_numpy(modal, damping, center + half * nodes)
             at_nodes[:, near] = 0.0
             basis = np.polynomial.chebyshev.chebvander((w - center) / half, STRIP - 1).T
-            real += (columns @ at_nodes[0] @ transform) @ basis
-            imaginary += (columns @ at_nodes[1] @ transform) @ basis
+            real += (these @ at_nodes[0] @ transform) @ basis
+            imaginary += (these @ at_nodes[1] @ transform) @ basis
         block = (real + 1j * imaginary) * (1j * w) ** order if order else real + 1j * imaginary
-        values[rows, start:stop] = block + direct[:, None]
+        values[rows[above:below], start:stop] = block + direct[above:below, None]
 
 
 def _receptances_numpy(modal: FloatArray, damping: FloatArray, omega: FloatArray) -> FloatArray:
