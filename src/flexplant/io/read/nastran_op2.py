@@ -1,7 +1,8 @@
-"""Nastran OUTPUT2 superelements: `.op2` tables of a NAS2CAM run with its `.op4`, or `.op2` matrices with a sidecar.
+"""Nastran OUTPUT2 superelements: tables of a NAS2CAM run with its `.op4`, or matrices with `.asm` and `.pch` or a sidecar.
 
 NAS2CAM: `.op2` has SLIST, USET, EQEXIN, CSTM and BGPDT of each superelement, the `.op4` with the same stem its maa, kaa (baa).
-Matrices (EXTSEOUT with MATOP2, DMIGOP2, OUTPUT2 KAA,MAA): the sidecar says what the rows are, see
+Matrices of EXTSEOUT with MATOP2 (KAA or KXX, MAA or MXX, ...): the `.asm` and `.pch` with the same stem say what the rows are,
+as for `.op4` (`flexplant.io.parse.external_superelement`). Others (OUTPUT2 KAA,MAA//): a sidecar does, see
 `flexplant.io.parse.sidecar`.
 """
 
@@ -12,6 +13,7 @@ from typing import Any
 
 from flexplant.errors import ReadError
 from flexplant.io.formats import Format
+from flexplant.io.parse.external_superelement import external_superelement
 from flexplant.io.parse.files import provenance, sibling
 from flexplant.io.parse.listed_rows import listed_component
 from flexplant.io.parse.names import name_from
@@ -35,14 +37,29 @@ def sniff(head: bytes, path: Path) -> bool:  # noqa: ARG001  every sniff functio
 
 
 def read_component(
-    path: Path, *, name: str | None = None, superelement: int | None = None, sidecar: str | Path | None = None
+    path: Path,
+    *,
+    name: str | None = None,
+    superelement: int | None = None,
+    sidecar: str | Path | None = None,
+    structural: str = "error",
 ) -> Component:
-    """A component; superelement: its id where the file has several. sidecar: for matrices in the `.op2` itself."""
+    """A component; superelement: its id where the file has several. sidecar: for matrices in the `.op2` itself.
+
+    structural: "error" or "ignore" where EXTSEOUT's matrices have structural damping, which has no place in a real Z.
+    """
     if sidecar is not None or sidecar_path(path) is not None:
         return component_of(path, read_op2_matrices(path), find_sidecar(path, sidecar), name, FORMAT.name)
     op4 = sibling(path, ".op4")
     if op4 is None:
-        raise ReadError(path, "needs the .op4 with the same stem (NAS2CAM), or a sidecar .yaml that names its matrices")
+        beside = tuple(file for file in (sibling(path, ".pch"), sibling(path, ".asm")) if file is not None)
+        if not beside:
+            raise ReadError(
+                path,
+                "needs files with the same stem that say what its rows are: .asm and .pch (EXTSEOUT with MATOP2), "
+                ".op4 (NAS2CAM), or a sidecar .yaml that names its matrices",
+            )
+        return external_superelement(path, read_op2_matrices(path), beside, name, structural, (FORMAT.name, __name__))
     tables = superelements(path)
     chosen = _chosen(path, [i for i in tables if i], superelement)
     table = tables[chosen]
@@ -91,7 +108,7 @@ def _boundary_nodes(nodes: Nodes, dofs: DofSet) -> Nodes:
 
 FORMAT = Format(
     name="nastran_op2",
-    description="Nastran superelements in OUTPUT2: NAS2CAM .op2 + .op4, or .op2 matrices with a YAML sidecar",
+    description="Nastran superelements in OUTPUT2: NAS2CAM .op2 + .op4; EXTSEOUT, MATOP2: .op2 + .asm + .pch; or a YAML sidecar",
     sniff=sniff,
     tested_against="NX Nastran 9.1",
     readers={"read_component": read_component},
