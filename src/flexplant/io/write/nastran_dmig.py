@@ -1,7 +1,7 @@
 """A component as DMIG entries (`.pch`) for any Nastran-type solver: GRID, CORD2R, SPOINT, ASET and K..., M..., B... of form 6.
 
-In the deck: INCLUDE the file, and K2GG = KAAX, M2GG = MAAX in case control (or as an external superelement). Numbers have at
-least 12 digits (16 columns), so this is for other solvers; `.op4`, `.npz` and `.h5` keep every bit.
+In the deck: INCLUDE the file, and K2GG = KAAX, M2GG = MAAX in case control (or as an external superelement). Numbers are
+double precision in 16 columns, 10 digits and more, so this is for other solvers; `.op4`, `.npz` and `.h5` keep every bit.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ def dmig_text(name: str, matrix: Matrix, rows: list[tuple[int, int]]) -> str:
             fields: list[object] = [name, node, direction, ""]
             for i in below.tolist():
                 fields += [rows[i][0], rows[i][1], float(values[i, j]), ""]
-            out.append(large("DMIG", fields))
+            out.append(large("DMIG", fields, "D"))
     return "".join(out)
 
 
@@ -48,6 +48,6 @@ WRITER = Writer(
     name="nastran_dmig",
     description="Nastran DMIG entries with GRID, SPOINT and ASET: .pch",
     suffixes=(".pch",),
-    tested_against="pyYeti",
+    tested_against="pyYeti, pyNastran 1.4",
     writers={"write_component": write_component},
 )

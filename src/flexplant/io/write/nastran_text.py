@@ -15,19 +15,22 @@ WIDTH = 16
 MODAL_ID_BASE = 90_000_000
 
 
-def real16(value: float) -> str:
-    """A real in at most 16 columns, with Nastran's short exponent: -1.23456789012-5 (12 digits and more)."""
+def real16(value: float, letter: str = "") -> str:
+    """A real in at most 16 columns: -1.23456789012-5 (12 digits and more), or with "D" -1.2345678901D-5 (10 and more).
+
+    Entries of double-precision matrices (TIN 2) need the D, other entries take Nastran's short exponent.
+    """
     for digits in range(14, 7, -1):
         mantissa, exponent = f"{value:.{digits}e}".split("e")
-        text = mantissa + (f"{int(exponent):+d}" if int(exponent) else "")
+        text = mantissa + (f"{letter}{int(exponent):+d}" if letter or int(exponent) else "")
         if len(text) <= WIDTH:
             return text
     raise InputError(f"{value!r} cannot be written in {WIDTH} columns")
 
 
-def large(name: str, fields: Sequence[object]) -> str:
-    """An entry in large fields, four a line, with a continuation where it is needed."""
-    texts = [real16(f) if isinstance(f, float) else str(f) for f in fields]
+def large(name: str, fields: Sequence[object], letter: str = "") -> str:
+    """An entry in large fields, four a line, with a continuation where it is needed; letter: of the reals' exponents."""
+    texts = [real16(f, letter) if isinstance(f, float) else str(f) for f in fields]
     if any(len(t) > WIDTH for t in texts):
         raise InputError(f"{name}: a field of {fields[:3]!r}... is longer than {WIDTH} columns")
     lines = []
