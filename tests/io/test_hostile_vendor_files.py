@@ -12,6 +12,7 @@ import sys
 import tempfile
 import time
 import tracemalloc
+import warnings
 from collections.abc import Callable
 from pathlib import Path
 
@@ -21,15 +22,30 @@ import scipy.io
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from nx_files import TRUSS
+from test_abaqus_substructure import substructure
 from test_component_writers import component
+from test_external_superelements import as_op2
+from test_extptfm import text as jacket_text
+from test_harwell_boeing import folder_of
 from test_matrix_formats import LAYOUTS, PAIRS, model
+from test_mechss_matrices import PLANT
+from test_sierra_netcdf import pairs, reduction
 from test_uff_reference import function, mode
 
-from flexplant.errors import ReadError
-from flexplant.io import read_component, read_model, read_reference, read_response_functions, write_component
+from flexplant.errors import PlausibilityWarning, ReadError
+from flexplant.io import (
+    read_component,
+    read_model,
+    read_plant,
+    read_reference,
+    read_response_functions,
+    write_component,
+    write_plant,
+)
 from flexplant.model.component import Component
 from flexplant.model.geometry import Nodes
 
+HERE = Path(__file__).parent
 COUNT = int(os.environ.get("FLEXPLANT_FUZZ", "25"))
 SECONDS, MEGABYTES = 5.0, 100.0
 NASTY = [b"0", b"-1", b"999999999", b"99999999999999999999", b"1e308", b"-1e999", b"nan", b"inf", b"", b"x", b"\x00", b"*", b"$",
@@ -70,6 +86,26 @@ def nas2cam(folder: Path) -> Path:
     return folder / "nas2cam.op2"
 
 
+def copied(*names: str) -> Callable[[Path], Path]:
+    """Real files, copied; the first is the one to read."""
+
+    def make(folder: Path) -> Path:
+        for name in names:
+            shutil.copyfile(HERE / name, folder / Path(name).name)
+        return folder / Path(names[0]).name
+
+    return make
+
+
+def substructure_file(folder: Path) -> Path:
+    (folder / "s.mtx").write_text(substructure({"STIFFNESS": np.eye(8), "MASS": np.eye(8)}))
+    return folder / "s.mtx"
+
+
+def hbmat(folder: Path) -> Path:
+    return folder_of(folder, model(), np.arange(12))
+
+
 def universal(folder: Path) -> Path:
     (folder / "u.uff").write_text(mode(1.0, np.ones((2, 3))) + function(np.ones(4) + 0j))
     return folder / "u.uff"
@@ -77,6 +113,15 @@ def universal(folder: Path) -> Path:
 
 def both_references(path: Path) -> object:
     return read_reference(path, component="a"), read_response_functions(path)
+
+
+def openfast(folder: Path) -> Path:
+    (folder / "SE.dat").write_text(jacket_text())
+    return folder / "SE.dat"
+
+
+def mat_plant(folder: Path) -> Path:
+    return write_plant(PLANT, folder / "p.mat")
 
 
 SAMPLES: dict[str, tuple[Callable[[Path], Path], Callable[[Path], object]]] = {
@@ -87,6 +132,16 @@ SAMPLES: dict[str, tuple[Callable[[Path], Path], Callable[[Path], object]]] = {
     "sierra_netcdf": (sierra_netcdf, lambda p: read_component(p, format="sierra_netcdf")),
     "extptfm": (extptfm, lambda p: read_component(p, format="extptfm")),
     "universal file": (universal, both_references),
+    "calculix of ccx": (copied(*(f"calculix/rigid{e}" for e in (".sti", ".mas", ".dof", ".inp"))), read_model),
+    "abaqus_substructure": (substructure_file, lambda p: read_component(p, format="abaqus_substructure")),
+    "ansys_hbmat": (hbmat, lambda p: read_model(p, format="ansys_hbmat")),
+    "mystran_sparse": (copied(*(f"mystran/panel{e}" for e in (".L1L", ".L1R", ".bdf"))),
+                       lambda p: read_model(p, format="mystran_sparse")),
+    "nastran_op2 + cards": (as_op2, lambda p: read_component(p, format="nastran_op2")),
+    "extptfm of OpenFAST": (openfast, lambda p: read_component(p, format="extptfm")),
+    "sierra_netcdf nodes": (lambda folder: reduction(folder / "r.nc4", pairs(47, 19), [47, 19])[0],
+                            lambda p: read_component(p, format="sierra_netcdf")),
+    "mat plant": (mat_plant, read_plant),
 }  # fmt: skip
 
 
@@ -143,7 +198,8 @@ def test_mutated_files_end_in_a_model_or_a_read_error(tmp_path: Path, name: str)
     assert peak < MEGABYTES
 
 
-@pytest.mark.parametrize("name", ["matrix_market", "calculix", "nastran_dmig", "sierra_text", "extptfm", "universal file"])
+@pytest.mark.parametrize("name", ["matrix_market", "calculix", "nastran_dmig", "sierra_text", "extptfm", "universal file",
+                                  "abaqus_substructure", "ansys_hbmat", "mystran_sparse"])  # fmt: skip
 @settings(max_examples=COUNT, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(data=st.data())
 def test_any_text_instead_of_a_file(tmp_path: Path, name: str, data: st.DataObject) -> None:
@@ -164,6 +220,7 @@ def told(read: Callable[[Path], object], path: Path) -> bool:
 
 def main() -> None:
     """Print how many mutated files were read and how many were refused, by reader."""
+    warnings.simplefilter("ignore", PlausibilityWarning)
     total: collections.Counter[str] = collections.Counter()
     for name in SAMPLES:
         counts: collections.Counter[str] = collections.Counter()
