@@ -1,9 +1,12 @@
 """Random response: closed forms, exact integrals against fine grids, cross-spectra, and white noise."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from flexplant.errors import InputError
+from flexplant.loop import random
 from flexplant.loop.close import close
 from flexplant.loop.frequency import frequency_response
 from flexplant.loop.line_of_sight import line_of_sight_diagram
@@ -11,6 +14,7 @@ from flexplant.loop.random import random_response
 from flexplant.plant.modal import ModalPlant
 from flexplant.plant.rigid_body import without_rigid_body
 from flexplant.plant.state_space import state_space
+from flexplant.response import band_variance
 from flexplant.response.grids import adaptive_grid
 from flexplant.response.h2 import white_noise_rms
 
@@ -60,7 +64,7 @@ def test_cross_spectra(make_plant):
     a = random_response(plant, diagonal, hz)
     b = random_response(plant, {plant.inputs[0]: 2.0, plant.inputs[2]: 5.0}, hz)
     assert np.allclose(a.psd, b.psd, rtol=1e-10)
-    assert np.isnan(a.rms_exact).all()
+    assert a.rms_exact.values == pytest.approx(b.rms_exact.values, rel=1e-9)
     # fully coherent inputs add as amplitudes
     direction = np.array([1.0, 1j, 0, 0, 0, -2.0])
     coherent = random_response(plant, np.repeat(np.outer(direction, direction.conj())[:, :, None], 50, axis=2), hz)
@@ -69,8 +73,85 @@ def test_cross_spectra(make_plant):
     assert np.allclose(coherent.psd, abs(amplitude) ** 2, rtol=1e-9)
 
 
-def test_rigid_body_modes_have_no_exact_band(plant):
-    assert np.isnan(random_response(plant, {plant.inputs[0]: 1.0}, [1.0, 2.0]).rms_exact).all()
+def test_rigid_body_mode_is_the_closed_form():
+    """x'' = u: PSD g / (2 pi f)^4, and its integral."""
+    free = ModalPlant(omega=[0.0], zeta=0.0, shape_in=[[1.0]], shape_out=[[1.0]], inputs=["f"], outputs=["x"])
+    found = random_response(free, {"f": 2.0}, [0.5, 1.0, 40.0])
+    assert found.rms_exact.item() == pytest.approx(np.sqrt(2 / (2 * np.pi) ** 4 * (0.5**-3 - 40.0**-3) / 3), rel=1e-9)
+    with pytest.raises(InputError, match="rigid-body mode 0"):
+        random_response(free, {"f": 2.0}, [0.0, 1.0])
+
+
+def test_critically_damped_mode_is_the_closed_form():
+    """|G|^2 = 1 / (w^2 + w0^2)^2, whose integral over all frequencies is pi / (2 w0^3), one-sided pi / (4 w0^3)."""
+    critical = ModalPlant(omega=[W], zeta=1.0, shape_in=[[1.0]], shape_out=[[1.0]], inputs=["f"], outputs=["x"])
+    found = random_response(critical, {"f": 1.0}, [0.0, 10.0, 1e6])
+    assert found.rms_exact.item() == pytest.approx(np.sqrt(np.pi / (4 * W**3) / (2 * np.pi)), rel=1e-8)
+
+
+def coherent_spectra(hz, nu, seed=0):
+    """Hermitian, positive, different at every frequency."""
+    rng = np.random.default_rng(seed)
+    root = rng.normal(size=(hz.size, nu, nu)) + 1j * rng.normal(size=(hz.size, nu, nu))
+    return np.moveaxis(root @ root.conj().transpose(0, 2, 1), 0, -1)
+
+
+def test_exact_cross_spectra_are_the_fine_quadrature(make_plant):
+    plant, hz = make_plant(n_rigid=0, zeta=0.02), np.linspace(40, 500, 9)
+    spectra = coherent_spectra(hz, 6)
+    fine = np.linspace(40, 500, 40_001)
+    between = np.stack([np.interp(fine, hz, row) for row in spectra.reshape(36, -1)]).reshape(6, 6, -1)
+    dense = random_response(plant, between, fine)
+    found = random_response(plant, spectra, hz)
+    assert found.rms_exact.values == pytest.approx(dense.rms.values, rel=1e-6)
+    assert random_response(state_space(plant), spectra, hz).rms_exact.values == pytest.approx(found.rms_exact.values, rel=1e-8)
+
+
+def test_quadrature_and_residues_agree(published, make_plant, monkeypatch):
+    system = line_of_sight_diagram(published, make_plant(n_rigid=0, zeta=0.005))
+    hz = np.array([1.0, 30.0, 200.0, 900.0])
+    spectra = coherent_spectra(hz, 6)
+    closed = random_response(system, spectra, hz).rms_exact
+    monkeypatch.setattr(random, "SMALL", 0)
+    quadrature = random_response(system, spectra, hz).rms_exact
+    assert quadrature.values == pytest.approx(closed.values, rel=1e-8)
+
+
+def test_poles_are_taken_in_blocks(make_plant, monkeypatch):
+    plant, hz = make_plant(n_rigid=0), np.linspace(10, 900, 7)
+    whole = random_response(plant, coherent_spectra(hz, 6), hz).rms_exact.values
+    monkeypatch.setattr(band_variance, "CHUNK", 5)
+    assert random_response(plant, coherent_spectra(hz, 6), hz).rms_exact.values == pytest.approx(whole, rel=1e-12)
+
+
+def test_the_grid_rms_converges_with_order_two():
+    errors = []
+    for n in (2001, 4001, 8001):
+        found = random_response(ONE, {"f": 1.0}, np.linspace(11.0, 13.0, n))
+        errors.append(abs(found.rms.item() / found.rms_exact.item() - 1))
+    assert np.log2(errors[0] / errors[1]) == pytest.approx(2, abs=0.1)
+    assert np.log2(errors[1] / errors[2]) == pytest.approx(2, abs=0.1)
+
+
+def test_undamped_modes_inside_and_outside_the_band():
+    plant = ModalPlant(
+        omega=2 * np.pi * np.array([10.0, 50.0]), zeta=[0.01, 0.0], shape_in=[[1.0], [1.0]], shape_out=[[1.0, 1.0]],
+        inputs=["f"], outputs=["x"],
+    )  # fmt: skip
+    assert random_response(plant, {"f": 1.0}, [1.0, 60.0]).rms_exact.item() == np.inf
+    fine = random_response(plant, {"f": 1.0}, np.linspace(1.0, 30.0, 200_001)).rms.item()
+    assert random_response(plant, {"f": 1.0}, [1.0, 30.0]).rms_exact.item() == pytest.approx(fine, rel=1e-6)
+
+
+def test_unstable_systems_are_refused_with_their_pole(published, make_plant):
+    growing = state_space(ONE)
+    growing = replace(growing, A=growing.A + 2 * np.eye(2))
+    with pytest.raises(InputError, match=r"unstable, with a pole at .*rad/s"):
+        random_response(growing, {"f": 1.0}, [1.0, 2.0])
+    wrong = replace(published, gain=-1800.0)
+    for n in (4, 200):  # a small and a large diagram
+        with pytest.raises(InputError, match=r"unstable.* pole.*rad/s"):
+            random_response(line_of_sight_diagram(wrong, make_plant(n_flexible=n, n_rigid=0)), {}, [1.0, 2.0])
 
 
 @pytest.mark.parametrize(

@@ -31,7 +31,7 @@ def hinf_norm(system: Linear, *, tolerance: float = 1e-7, unbounded: str = "infi
     unknowns) the diagram is closed.
     unbounded: "infinite" returns inf with an explanation (unstable, on the axis) that names a pole; "error" raises InputError.
     """
-    if not isinstance(system, Diagram) or _is_plain(system):
+    if not isinstance(system, Diagram) or not has_bordered_form(system):
         return norms.hinf_norm(close(system) if isinstance(system, Diagram) else system, tolerance=tolerance, unbounded=unbounded)
     norms.check_request(tolerance, unbounded)
     found = _large(bordered(system), tolerance)
@@ -40,16 +40,16 @@ def hinf_norm(system: Linear, *, tolerance: float = 1e-7, unbounded: str = "infi
     return found
 
 
-def _is_plain(diagram: Diagram) -> bool:
-    """True where the diagram is small, or has no bordered form."""
+def has_bordered_form(diagram: Diagram) -> bool:
+    """False where the diagram is small, or has no bordered form."""
     linear_only(diagram)
     blocks = [block for block in diagram.blocks.values() if not isinstance(block, SampledBlock)]
     plants = [block for block in blocks if isinstance(block, ModalPlant)]
     states = sum(2 * b.n_modes if isinstance(b, ModalPlant) else b.n_states for b in blocks)
     undamped = sum(int(np.count_nonzero(plant.zeta * plant.omega == 0)) for plant in plants)
     unknowns = len(diagram.wiring.input_ports) + states - 2 * sum(plant.n_modes for plant in plants) + undamped
-    modal = all(plant.damping is None and (plant.zeta >= 0).all() for plant in plants)
-    return states <= SMALL or not modal or diagram.dt is not None or unknowns > UNKNOWNS
+    modal = all(plant.damping is None for plant in plants)
+    return states > SMALL and modal and diagram.dt is None and unknowns <= UNKNOWNS
 
 
 def loop_axes(loop: Bordered) -> tuple[LoopAxis, LoopAxis]:

@@ -14,6 +14,7 @@ from flexplant.plant.state_space import StateSpace, output_rows
 
 ComplexArray: TypeAlias = npt.NDArray[np.complex128]
 WELL_CONDITIONED = 1e6
+CHUNK = 512  # poles taken at a time
 CRITICAL = 1e-4  # |1 - zeta| below which a mode's two poles are too close for their residues
 
 
@@ -46,25 +47,31 @@ def _of_modal(plant: ModalPlant) -> tuple[ComplexArray, ComplexArray, ComplexArr
 
 
 def band_variance(
-    form: tuple[ComplexArray, ComplexArray, ComplexArray, FloatArray], hz: FloatArray, psd: FloatArray
+    form: tuple[ComplexArray, ComplexArray, ComplexArray, FloatArray], hz: FloatArray, psd: FloatArray | ComplexArray
 ) -> FloatArray:
-    """(ny,) integral over hz[0]..hz[-1] of sum_u |G_u|^2 S_u df; psd (nu, nf) one-sided, linear between the points hz.
+    """(ny,) integral over hz[0]..hz[-1] of G S G^H df; S one-sided, linear between the points hz.
 
-    |G|^2 = D^2 + 2 Re sum_k X_k / (i w - p_k), X_k = R_k G(-p_k), and (a + b w) / (i w - p) integrates to
-    -i b w + (a - i b p) (-i) log(i w - p) over each interval, in closed form.
+    psd: (nu, nf) of uncorrelated inputs, or (nu, nu, nf) cross-spectra, Hermitian. On the axis G_i conj(G_j) is
+    D_i D_j + F_ij + conj(F_ji), F_ij = sum_k X_k / (i w - p_k), X_k = R_ki G_j(-p_k), and (a + b w) / (i w - p) integrates to
+    -i b w + (a - i b p) (-i) log(i w - p) over each interval, in closed form. Work: poles^2 and poles times points, in blocks.
     """
     poles, left, right, D = form
     if (poles.real >= 0).any():
         return np.full(left.shape[0], np.inf)
-    mirrored = np.einsum("ok,kj,ku->ouj", left, 1 / (-poles - poles[:, None]), right, optimize=True) + D[:, :, None]
-    X = left[:, None, :] * right.T[None, :, :] * mirrored
+    nu = psd.shape[0]
+    rows, columns = (np.arange(nu), np.arange(nu)) if psd.ndim == 2 else [index.ravel() for index in np.indices((nu, nu))]
+    pairs = psd.reshape(rows.size, -1)  # of inputs i, j that are correlated
     w = 2 * np.pi * hz
-    slope = np.diff(psd, axis=1) / np.diff(w)
-    level = psd[:, :-1] - slope * w[:-1]
-    logarithm = np.diff(np.log(1j * w - poles[:, None]), axis=1)
-    width = np.diff(w)
-    # (nu, n): integral of the input's PSD against each pole
-    against = -1j * (slope @ width)[:, None] - 1j * (level @ logarithm.T) - slope @ logarithm.T * poles
-    variance = 2 * np.einsum("ouk,uk->o", X, against).real
-    mean = 0.5 * (psd[:, 1:] + psd[:, :-1]) @ width
-    return np.asarray((variance + (D**2) @ mean) / (2 * np.pi))
+    slope = np.diff(pairs, axis=1) / np.diff(w)
+    level = pairs[:, :-1] - slope * w[:-1]
+    mean = (0.5 * (pairs[:, 1:] + pairs[:, :-1]) @ np.diff(w)).real
+    variance = (D[:, rows] * D[:, columns]) @ mean
+    for start in range(0, poles.size, CHUNK):
+        at = slice(start, start + CHUNK)
+        mirrored = (left[:, None, :] * right.T) @ (1 / (-poles[at] - poles[:, None])) + D[:, :, None]
+        logarithm = np.diff(np.log(1j * w - poles[at, None]), axis=1)
+        # (pairs, poles): integral of the input's spectrum against each pole
+        against = -1j * (slope @ np.diff(w))[:, None] - 1j * (level @ logarithm.T) - slope @ logarithm.T * poles[at]
+        weights = right.T[rows][:, at] * against
+        variance += 2 * np.einsum("ok,opk,pk->o", left[:, at], mirrored[:, columns], weights, optimize=True).real
+    return np.asarray(variance / (2 * np.pi))

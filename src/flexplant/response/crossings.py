@@ -45,7 +45,7 @@ def refined_grid(loops: Loops, hz: FloatArray) -> tuple[FloatArray, ComplexArray
 
 
 def widened(loops: Loops, low: float, high: float, *, upwards: bool = True) -> tuple[float, float]:
-    """The range extended until no loop heads for a gain of one beyond it: a decade at a time, while its slope says that it does."""
+    """The range extended by decades until no loop heads for a gain of one beyond it, by its slope at the end."""
     for _ in range(MOST_DECADES):
         if not _heads_for_one(_sizes(loops, low, low / 10)):
             break

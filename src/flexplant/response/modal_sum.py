@@ -95,7 +95,7 @@ def _residues(plant: ModalPlant, shapes: FloatArray, flexible: npt.NDArray[np.bo
     """(rows * nu, modes) c_i b_i^T of each flexible mode, and (rows * nu,) the sum of those of the rigid-body modes."""
     product = shapes[:, None, flexible] * plant.shape_in[flexible].T[None, :, :]
     rigid = shapes[:, ~flexible] @ plant.shape_in[~flexible]
-    return product.reshape(-1, product.shape[2]), rigid.ravel()
+    return product.reshape(rigid.size, product.shape[2]), rigid.ravel()
 
 
 def _refuse_infinite(plant: ModalPlant, omega: FloatArray) -> None:
