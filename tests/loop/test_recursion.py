@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from flexplant.blocks.delay import sample_delay
-from flexplant.loop import fused, lifted, recursion
+from flexplant.loop import fused, layout, lifted, recursion
 from flexplant.loop.cascade import cascade_of
 from flexplant.loop.line_of_sight import line_of_sight_diagram
 from flexplant.loop.stepping import stepper
@@ -115,7 +115,7 @@ def test_any_number_of_modes_inputs_and_outputs(n, nu, ny):
 
 def test_rows_that_are_multiples_are_read_once():
     rows = np.array([[0.0, 0.0], [1.0, 2.0], [-2.0, -4.0], [1.0, 2.1], [0.5, 1.05]])
-    share, row, chosen = fused.shared_rows(rows)
+    share, row, chosen = layout.shared_rows(rows)
     assert chosen == [1, 3]
     assert np.array_equal(share[:, None] * rows[chosen][row], rows)
 

@@ -9,10 +9,11 @@ from functools import cache
 import numpy as np
 
 from flexplant.loop.cascade import Cascade
+from flexplant.loop.layout import Layout, aligned, block_length
 from flexplant.loop.lifted import stepped
 from flexplant.loop.recursion import Recursion
-from flexplant.loop.stepping import Stepper, stepper
-from flexplant.model.arrays import FloatArray, IntArray
+from flexplant.loop.stepping import stepper
+from flexplant.model.arrays import FloatArray
 from flexplant.numerics.compiled import numba
 
 CHUNK = 4096  # samples taken at once
@@ -43,12 +44,12 @@ class FusedRecursion:
         self.state = state[self.order].copy()
         one, nw = stepper(cascade, dt, hold), cascade.B.shape[1]
         self._ramp = one.drive[nw:]
-        self._sizes = _Sizes(cascade)
-        self._modal = self._sizes.modal(one, cascade.shape_in)
-        self._other = self._sizes.other(one, (one.drive[:nw] - self._ramp + stepped(one, self._ramp)).T)
+        layout = Layout(cascade)
+        self._modal = layout.modal(one, cascade.shape_in)
+        self._other = layout.other(one, (one.drive[:nw] - self._ramp + stepped(one, self._ramp)).T)
         rows = np.hstack([cascade.C_modes, cascade.C])
-        self._reading = self._sizes.reading(cascade, cascade.D + rows @ self._ramp.T)
-        self._work = aligned((_block(), self._sizes.width))
+        self._reading = layout.reading(cascade.C_modes, cascade.C, cascade.D + rows @ self._ramp.T)
+        self._work = aligned((block_length(), layout.width))
 
     @property
     def chunk(self) -> int:
@@ -80,88 +81,6 @@ class FusedRecursion:
         out = np.empty(self.state.size)
         out[self.order] = self.state
         return out
-
-
-def _block() -> int:
-    return int(importlib.import_module("flexplant.loop.modal_steps").BLOCK)
-
-
-def aligned(shape: tuple[int, ...]) -> FloatArray:
-    """Zeros that begin on a cache line: vectors that straddle two lines take twice as long."""
-    size = int(np.prod(shape))
-    raw = np.zeros(size + 8)
-    first = (-raw.ctypes.data % 64) // 8
-    return raw[first : first + size].reshape(shape)
-
-
-def padded(matrix: FloatArray, shape: tuple[int, ...]) -> FloatArray:
-    """The matrix with zeros behind its rows and columns."""
-    out = aligned(shape)
-    out[tuple(slice(size) for size in matrix.shape)] = matrix
-    return out
-
-
-def _up(size: int, unit: int) -> int:
-    return -(-size // unit) * unit
-
-
-class _Sizes:
-    """How a cascade's matrices are laid out for the kernel: [eta | eta' | inputs | other states], each padded to whole lanes."""
-
-    def __init__(self, cascade: Cascade) -> None:
-        self.n, self.m, (self.nz, self.nw) = cascade.omega.size, cascade.A.shape[0], cascade.D.shape
-        self.modes, self.inputs, self.rest = _up(self.n, 16), _up(self.nw, 8), _up(self.m, 8)
-        self.width = 2 * self.modes + self.inputs + self.rest
-
-    def _spread(self, rows: FloatArray) -> FloatArray:
-        """(k, 2n) rows on [eta, eta'] -> an even number of rows on the padded modes."""
-        out = aligned((_up(len(rows), 2), 2 * self.modes))
-        out[: len(rows), : self.n], out[: len(rows), self.modes : self.modes + self.n] = rows[:, : self.n], rows[:, self.n :]
-        return out
-
-    def modal(self, one: Stepper, shape_in: FloatArray) -> tuple[FloatArray, ...]:
-        """F and b of each mode, b = hold - ramp + F ramp; the modal forces of unit inputs; the state."""
-        hold, ramp = one.forced
-        b = hold - ramp + np.einsum("nij,nj->ni", one.modes, ramp)
-        modes = np.vstack([one.modes.reshape(-1, 4).T, b.T])
-        return padded(modes, (6, self.modes)), padded(shape_in.T, (self.nw, self.modes)), aligned((2, self.modes))
-
-    def other(self, one: Stepper, causal: FloatArray) -> tuple[FloatArray, ...]:
-        """A transposed, what the modes and the inputs add to the other states, scratch, the other states."""
-        into = aligned((_up(self.m, 2), self.width - self.rest))
-        into[:, : 2 * self.modes] = self._spread(one.from_modes)
-        into[: self.m, 2 * self.modes : 2 * self.modes + self.nw] = causal[2 * self.n :]
-        scratch = aligned((_block() + 3, self.rest))
-        return padded(one.A.T, (self.m, self.rest)), into, scratch, aligned((self.rest,))
-
-    def reading(self, cascade: Cascade, D: FloatArray) -> tuple[FloatArray | IntArray, ...]:
-        """The distinct rows on the modes, all rows on [inputs | other states], scratch, and how outputs share distinct rows."""
-        share, row, chosen = shared_rows(cascade.C_modes)
-        on_modes = self._spread(cascade.C_modes[chosen])
-        if not on_modes[:, self.modes :].any():
-            on_modes = padded(on_modes[:, : self.modes], (len(on_modes), self.modes))
-        tail = aligned((_up(self.nz, 2), self.inputs + self.rest))
-        tail[: self.nz, : self.nw], tail[: self.nz, self.inputs : self.inputs + self.m] = D, cascade.C
-        seen, direct = (aligned((_block() + 3, max(2, len(rows)))) for rows in (on_modes, tail))
-        return on_modes, seen, tail, direct, share, row
-
-
-def shared_rows(rows: FloatArray) -> tuple[FloatArray, IntArray, list[int]]:
-    """share (k,), row (k,), chosen: rows[i] = share[i] rows[chosen[row[i]]] to the last digits; zero rows have share 0."""
-    share, row, chosen = np.zeros(len(rows)), np.zeros(len(rows), dtype=np.int64), list[int]()
-    for i, line in enumerate(rows):
-        if not line.any():
-            continue
-        peak = int(np.argmax(abs(line)))
-        for place, j in enumerate(chosen):
-            factor = line[peak] / rows[j, peak] if rows[j, peak] else 0.0
-            if abs(line - factor * rows[j]).max() <= 4 * np.finfo(float).eps * abs(line[peak]):
-                share[i], row[i] = factor, place
-                break
-        else:
-            share[i], row[i] = 1.0, len(chosen)
-            chosen.append(i)
-    return share, row, chosen
 
 
 def recursion_of(cascade: Cascade, dt: float, state: FloatArray, hold: str, every: int = 1) -> FusedRecursion | Recursion:

@@ -9,11 +9,13 @@ import numpy as np
 from flexplant.blocks.sampled import RATE_LIMITER, SampledBlock
 from flexplant.errors import InputError
 from flexplant.loop.cascade import Cascade
-from flexplant.loop.fused import recursion_of
+from flexplant.loop.fused import LARGEST_REST, recursion_of
 from flexplant.loop.hybrid import Element, Hybrid
-from flexplant.loop.sampled_steps import KINDS, STATE_SPACE, sampled_steps
+from flexplant.loop.sampled_loop import SampledLoop
+from flexplant.loop.sampled_steps import FINITE, KINDS, STATE_SPACE, sampled_steps
 from flexplant.loop.stepping import Stepper, stepper
 from flexplant.model.arrays import FloatArray, IntArray
+from flexplant.numerics.compiled import numba
 
 CHUNK = 4096
 
@@ -41,10 +43,12 @@ class HybridRecursion:
         self.ahead = recursion_of(_modes_alone(linear, one, nw), dt, x[: 2 * linear.omega.size], hold) if listening else None
         self.n_ahead = 2 * linear.omega.size if listening else 0
         self.x, self.s, self.p = x[self.n_ahead :].copy(), state[linear.n_states :].copy(), np.zeros(width - nw)
-        self._parts = _parts(hybrid, one, self.n_ahead)
-        self._table, self._bounds, self._flat = _tables(hybrid.elements, dt, width - nw)
+        self._parts, self._tables = _parts(hybrid, one, self.n_ahead), _tables(hybrid.elements, dt, width - nw)
         users = [e.block.function if isinstance(e.block, SampledBlock) else None for e in hybrid.elements]
         self._functions = users if any(users) else None
+        compiled = numba() is not None and self._functions is None and linear.A.shape[0] <= LARGEST_REST
+        addresses = np.zeros(len(users), dtype=np.int64)
+        self._loop = SampledLoop(hybrid, one, self.n_ahead, self._tables, addresses) if compiled else None
 
     @property
     def chunk(self) -> int:
@@ -54,30 +58,40 @@ class HybridRecursion:
 
     def run(self, w: FloatArray, nt: int) -> FloatArray:
         """(kept, nz) outputs at samples 0, every, ... < nt; the state moves to sample nt. w: (nt + 1, nw)."""
-        linear, nw, nz = self.hybrid.linear, self.hybrid.nw, self.hybrid.nz
-        driven = np.hstack([w[:-1], np.diff(w, axis=0)]) @ self._drive[:, self.n_ahead :]
-        seen = w[:-1] @ linear.D[:, :nw].T
+        linear, m, nz = self.hybrid.linear, self.hybrid.linear.A.shape[0], self.hybrid.nz
+        driven, seen = np.zeros((nt, m)), np.zeros((nt, linear.C.shape[0]))
         if self.ahead is not None:
-            moved = np.vstack(
-                [
-                    self.ahead.run(w[a : min(a + self.ahead.chunk, nt) + 1], min(self.ahead.chunk, nt - a))
-                    for a in range(0, nt, self.ahead.chunk)
-                ]
-            )
-            m = self.x.size
-            driven, seen = driven + moved[:, :m], seen + moved[:, m:]
-        kept = slice((-self.position) % self.every, None, self.every)
-        out = seen[kept, :nz].copy()
-        self._advance(driven, seen, out)
-        self.position += nt
-        return np.asarray(out)
-
-    def _advance(self, driven: FloatArray, seen: FloatArray, out: FloatArray) -> None:
-        call = sampled_steps if self._functions is None else sampled_steps.fallback
-        linear, direct = self._parts
-        arrays = (self._table, self._bounds, self._flat, driven, seen, out, self.x, self.p, self.s)
+            size = self.ahead.chunk
+            moved = np.vstack([self.ahead.run(w[a : min(a + size, nt) + 1], min(size, nt - a)) for a in range(0, nt, size)])
+            driven, seen = np.ascontiguousarray(moved[:, :m]), np.ascontiguousarray(moved[:, m:])
+        out = np.zeros((len(range(-self.position % self.every, nt, self.every)), nz))
+        advance = self._advance_plain if self._loop is None else self._advance_compiled
         with np.errstate(over="ignore", invalid="ignore"):
-            call(linear, direct, *arrays, self.position, self.every, self.dt, self._functions)
+            failure = advance(w[: nt + 1], driven, seen, out)
+        if failure[1] != FINITE:
+            self._refuse(*failure)
+        if not np.isfinite(self.x).all():
+            raise InputError(f"simulate: the linear states overflow before t = {(self.position + nt) * self.dt:.9g} s: unstable")
+        self.position += nt
+        return out
+
+    def _refuse(self, sample: int, block: int) -> None:
+        name, t = self.hybrid.elements[block].name, (self.position + sample) * self.dt
+        raise InputError(f"simulate: the input of block {name!r} is not finite at t = {t:.9g} s: the loop is unstable")
+
+    def _advance_compiled(self, w: FloatArray, driven: FloatArray, seen: FloatArray, out: FloatArray) -> tuple[int, int]:
+        assert self._loop is not None
+        at = (self.position, self.every, self.dt)
+        return self._loop.run((self.x, self.p, self.s), w, driven, seen, out, at)
+
+    def _advance_plain(self, w: FloatArray, driven: FloatArray, seen: FloatArray, out: FloatArray) -> tuple[int, int]:
+        nw, moves = self.hybrid.nw, np.hstack([w[:-1], np.diff(w, axis=0)]) @ self._drive[:, self.n_ahead :]
+        moves[:, moves.shape[1] - driven.shape[1] :] += driven
+        seen = seen + w[:-1] @ self.hybrid.linear.D[:, :nw].T
+        out += seen[-self.position % self.every :: self.every, : self.hybrid.nz]
+        linear, direct = self._parts
+        arrays = (*self._tables, moves, seen, out, self.x, self.p, self.s)
+        return sampled_steps(linear, direct, *arrays, self.position, self.every, self.dt, self._functions)
 
     def last(self, w: FloatArray) -> FloatArray:
         """(nz,) outputs at the sample that the state stands at, for the inputs w (nw,); the state stays."""

@@ -94,7 +94,7 @@ def _advanced(modes, phi, x, U, X, first, count, with_velocity):
 
 
 @compiled
-def _read(X, place, step, count, R, Y):
+def read_rows(X, place, step, count, R, Y):
     """Y[k, r] = R[r] . X[k step] from `place` on, for k < count; R: an even number of rows, Y: count + 3 rows."""
     skip, columns = step * X.shape[1], R.shape[1]
     for k in range(0, count, 4):
@@ -154,12 +154,12 @@ def march(modal, other, reading, U, X, out, phase, every, count):
             for k in range(U.shape[1]):
                 X[t, tail + k] = U[first + t, k]
         if m:
-            _read(X, 0, 1, here, into_rest, G)
+            read_rows(X, 0, 1, here, into_rest, G)
             _rest_advanced(X, width - rest.size, here, A, G, rest)
         start = -(phase + first) % every
         kept = max(0, (here - start + every - 1) // every)
-        _read(X, start * width, every, kept, on_modes, seen)
-        _read(X, start * width + tail, every, kept, on_tail, direct)
+        read_rows(X, start * width, every, kept, on_modes, seen)
+        read_rows(X, start * width + tail, every, kept, on_tail, direct)
         for k in range(kept):
             for r in range(out.shape[1]):
                 out[done + k, r] = share[r] * seen[k, row[r]] + direct[k, r]

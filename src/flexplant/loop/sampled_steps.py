@@ -1,23 +1,41 @@
-"""The inner loop of a simulation with sampled blocks: one linear system stepped exactly, the blocks evaluated at each sample."""
+"""The loop of sampled blocks in numpy, for functions that only Python can call and where numba is not installed."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
-from flexplant.blocks.sampled import DEAD_ZONE, QUANTISER, RATE_LIMITER, SATURATION, USER
-from flexplant.numerics.compiled import Kernel
+from flexplant.blocks.sampled import DEAD_ZONE, QUANTISER, RATE_LIMITER, SATURATION, USER, UserFunction
+from flexplant.model.arrays import FloatArray, IntArray
 
 STATE_SPACE = "state space"
 KINDS = {SATURATION: 0, DEAD_ZONE: 1, QUANTISER: 2, RATE_LIMITER: 3, STATE_SPACE: 4, USER: 5}
+FINITE = -1  # no failure
 
 
-def _steps(  # type: ignore[no-untyped-def]
-    linear, direct, table, bounds, flat, driven, seen, out, x, p, s, first, every, dt, functions
-):
+def sampled_steps(
+    linear: tuple[FloatArray, ...],
+    direct: tuple[FloatArray, ...],
+    table: IntArray,
+    bounds: FloatArray,
+    flat: FloatArray,
+    driven: FloatArray,
+    seen: FloatArray,
+    out: FloatArray,
+    x: FloatArray,
+    p: FloatArray,
+    s: FloatArray,
+    first: int,
+    every: int,
+    dt: float,
+    functions: Sequence[UserFunction | None] | None,
+) -> tuple[int, int]:
     """Samples `first`, first + 1, ...: q, the blocks in order, the outputs z, then x[k+1] = F x[k] + forced p + driven[k].
 
     linear: modes (4, n), A (m, m), from_modes (m, 2n), forced (N, np), rows of q and of z on x; direct: rows of q and z on p.
     table: a row a block: kind, q0, q1, p0, p1, s0, s1, first place in `flat`, period. seen: (nt, nz + nq). x, p, s change.
+    Returns (sample, block) of the first input that is not finite, or FINITE twice.
     """
     modes, A, from_modes, forced, q_rows, z_rows = linear
     q_direct, z_direct = direct
@@ -32,6 +50,8 @@ def _steps(  # type: ignore[no-untyped-def]
                     continue
                 q[q0:q1] = seen[k, nz + q0 : nz + q1] + q_rows[q0:q1] @ x + q_direct[q0:q1] @ p
                 u = q[q0:q1]
+                if not np.isfinite(u).all():
+                    return k, e
                 limited = np.minimum(np.maximum(u, bounds[0, p0:p1]), bounds[1, p0:p1]) if kind < 2 else u
                 if kind == 0:
                     p[p0:p1] = limited
@@ -50,8 +70,8 @@ def _steps(  # type: ignore[no-untyped-def]
                         p[p0:p1] = found[s1 - s0 :]
                     else:
                         s[s0:s1] = found[: s1 - s0]
-                elif functions is not None:
-                    p[p0:p1], s[s0:s1] = functions[e]((first + k) * dt, u.copy(), s[s0:s1].copy())
+                elif functions is not None and (function := functions[e]) is not None:
+                    p[p0:p1], s[s0:s1] = function((first + k) * dt, u.copy(), s[s0:s1].copy())
         if (first + k) % every == 0:
             out[(first + k) // every - kept] += z_rows @ x + z_direct @ p
         after = driven[k] + forced @ p
@@ -61,6 +81,4 @@ def _steps(  # type: ignore[no-untyped-def]
         if m:
             after[2 * n :] += A @ x[2 * n :] + from_modes @ x[: 2 * n]
         x[:] = after
-
-
-sampled_steps = Kernel(_steps, _steps)
+    return FINITE, FINITE

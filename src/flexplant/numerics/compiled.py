@@ -41,11 +41,16 @@ class Kernel:
         return self._ready(*arguments)
 
 
-def compiled(function: Callable[..., Any]) -> Any:
+def compiled(function: Callable[..., Any], **more: Any) -> Any:
     """`function` compiled by numba, cached on disk where a writable directory is found."""
     found: Any = numba()
-    options = {"fastmath": {"contract"}, "nogil": True}
+    options = {"fastmath": {"contract"}, "nogil": True, **more}
     try:
         return found.njit(cache=True, **options)(function)
     except RuntimeError:
         return found.njit(**options)(function)
+
+
+def inlined(function: Callable[..., Any]) -> Any:
+    """`function` compiled into its callers: an array costs ten arguments to hand over, more than a short loop takes."""
+    return compiled(function, forceinline=True)

@@ -115,3 +115,15 @@ def total(_, a):
         return builder.extract_element(value, ir.Constant(INDEX, 0))
 
     return types.float64(lanes), code
+
+
+@intrinsic
+def call_at(_, address, t, u, u0, s, s0, y, y0):
+    """Call the C function int(double t, double *u, double *s, double *y) at an address, on places of contiguous arrays."""
+
+    def code(context, builder, signature, arguments):
+        places = [_element(context, builder, types.none(*signature.args[k : k + 2]), arguments[k : k + 2]) for k in (2, 4, 6)]
+        kind = ir.FunctionType(ir.IntType(64), [ir.DoubleType(), *(place.type for place in places)])
+        return builder.call(builder.inttoptr(arguments[0], kind.as_pointer()), [arguments[1], *places])
+
+    return types.int64(types.int64, types.float64, u, types.intp, s, types.intp, y, types.intp), code
