@@ -7,7 +7,6 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
-import scipy.linalg
 
 from flexplant.blocks.sampled import SampledBlock
 from flexplant.errors import DiagramError
@@ -100,7 +99,11 @@ def _sample_times(blocks: Mapping[str, Block]) -> dict[str, float | None]:
 
 def block_diagonal(matrices: Sequence[FloatArray]) -> FloatArray:
     """Block-diagonal matrix that keeps the rows and columns of empty blocks; (0, 0) of no blocks."""
-    return np.asarray(scipy.linalg.block_diag(*matrices), dtype=float) if matrices else np.zeros((0, 0))
+    corners = np.cumsum([(0, 0), *(matrix.shape for matrix in matrices)], axis=0)
+    out = np.zeros(corners[-1])
+    for matrix, (row, column) in zip(matrices, corners, strict=False):
+        out[row : row + matrix.shape[0], column : column + matrix.shape[1]] = matrix
+    return out
 
 
 def _feedthrough(block: Block) -> FloatArray:

@@ -61,10 +61,9 @@ def _sweep(system: Linear, wheel: Wheel, speeds: FloatArray) -> xr.Dataset:
     if sweep.pays:
         whole = np.zeros((len(system.inputs), harmonics.size), dtype=complex)
         np.add.at(whole, columns, amplitudes)
-        ascending = np.argsort(speeds)
-        Y = np.empty((len(system.outputs), harmonics.size, speeds.size), dtype=complex)
-        Y[:, :, ascending] = sweep(whole, 2 * np.pi * np.outer(harmonics, speeds[ascending]))
-        Y *= speeds**2
+        ascending, place = np.unique(speeds, return_inverse=True)
+        Y = sweep(whole, 2 * np.pi * np.outer(harmonics, ascending)) * ascending**2
+        Y = Y if np.array_equal(ascending, speeds) else Y[:, :, place]
     else:
         Y = _by_response(system, harmonics, amplitudes, columns, speeds)
     return xr.Dataset(

@@ -35,6 +35,7 @@ class ToneSweep:
             self._poles, vectors = scipy.linalg.eig(A)
             if np.linalg.cond(vectors) <= WELL_CONDITIONED:
                 self._vectors = scale[:, None] * vectors
+                self._to_modal = np.linalg.solve(self._vectors, np.eye(A.shape[0]))
 
     @property
     def pays(self) -> bool:
@@ -84,7 +85,7 @@ class ToneSweep:
     def _rest(self, driven: ComplexArray, s: ComplexArray) -> ComplexArray:
         cascade = self.cascade
         if self._vectors is not None:
-            modal = np.linalg.solve(self._vectors, driven)
+            modal = self._to_modal @ driven
             modal /= s - self._poles[:, None]
             return np.asarray((cascade.C @ self._vectors) @ modal)
         matrix = s[:, None, None] * np.eye(cascade.A.shape[0]) - cascade.A
