@@ -4,10 +4,10 @@ from typing import Any
 
 from flexplant.io.inspection import convert, inspect
 from flexplant.io.output import read_plant, write_component, write_model, write_plant, write_results, writers
-from flexplant.io.parse.display import DisplayMesh
 from flexplant.io.plausibility import plausibility
 from flexplant.io.read_reference import read_reference, read_response_functions
 from flexplant.io.registry import formats, read_component, read_display_mesh, read_geometry, read_model
+from flexplant.model.display import DisplayMesh
 
 __all__ = [
     "DisplayMesh",

@@ -18,11 +18,11 @@ import numpy as np
 import flexplant.io.read
 from flexplant.errors import InputError, ModelError, ReadError, nearest
 from flexplant.io.formats import Format
-from flexplant.io.parse.display import DisplayMesh
 from flexplant.io.parse.files import as_path, checked_file, exists, one_line, read_head
 from flexplant.io.plausibility import warn_if_implausible
 from flexplant.model.component import Component, FiniteElementModel
 from flexplant.model.damping import DampingRatio, with_modal_damping
+from flexplant.model.display import DisplayMesh
 from flexplant.model.units import SI, UnitSystem, component_to_si, model_to_si, unit_system
 
 Units = str | UnitSystem | tuple[float, float]

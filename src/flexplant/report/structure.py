@@ -10,36 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexplant.errors import InputError
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
-
-
-@dataclass(frozen=True, eq=False)
-class DisplayMesh:
-    """Points (n, 3) in metres, faces (m, 4) and edges (k, 2) as places in `positions`; a triangle repeats its last corner.
-
-    Raises InputError for wrong shapes or corners that do not exist.
-    """
-
-    nodes: IntArray
-    positions: FloatArray
-    quads: IntArray
-    lines: IntArray
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "nodes", np.asarray(self.nodes, dtype=np.int64).ravel())
-        object.__setattr__(self, "positions", _finite(self.positions, "positions"))
-        object.__setattr__(self, "quads", np.asarray(self.quads, dtype=np.int64).reshape(-1, 4))
-        object.__setattr__(self, "lines", np.asarray(self.lines, dtype=np.int64).reshape(-1, 2))
-        n = len(self.positions)
-        if self.positions.shape != (n, 3) or n == 0 or self.nodes.shape != (n,):
-            raise InputError(
-                f"display mesh: {self.nodes.size} nodes with positions {self.positions.shape}; (n, 3) is needed, n > 0"
-            )
-        for what, corners in (("quads", self.quads), ("lines", self.lines)):
-            if corners.size and (corners.min() < 0 or corners.max() >= n):
-                raise InputError(f"display mesh: {what} name places {corners.min()} ... {corners.max()}, but there are {n} nodes")
+from flexplant.model.arrays import FloatArray
+from flexplant.model.display import DisplayMesh
 
 
 @dataclass(frozen=True, eq=False)

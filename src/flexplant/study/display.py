@@ -10,8 +10,9 @@ from flexplant.assembly import System
 from flexplant.errors import ReadError
 from flexplant.io import read_display_mesh
 from flexplant.model.arrays import FloatArray, dense
+from flexplant.model.display import DisplayMesh
 from flexplant.modes import Modes
-from flexplant.report import DisplayMesh, StructureView, joined
+from flexplant.report import StructureView, joined
 from flexplant.study.schema import StudySpec
 
 
@@ -39,10 +40,9 @@ def structure_view(study: StudySpec, folder: Path, system: System, modes: Modes)
 
 def _mesh(path: Path, format_name: str | None) -> DisplayMesh | None:
     try:
-        mesh = read_display_mesh(path, format=format_name)
+        return read_display_mesh(path, format=format_name)
     except ReadError:  # a format without display meshes is no error: the report then has no view
         return None
-    return None if mesh is None else DisplayMesh(mesh.nodes, mesh.positions, mesh.quads, mesh.lines)
 
 
 def _placed(mesh: DisplayMesh, system: System, name: str) -> DisplayMesh:

@@ -9,13 +9,13 @@ from typing import Any
 import numpy as np
 
 from flexplant.errors import ReadError, nearest
-from flexplant.io.parse.display import DisplayMesh
 from flexplant.io.parse.files import provenance
 from flexplant.io.parse.names import name_from
 from flexplant.io.parse.npz import read_npz
 from flexplant.io.parse.sidecar import Sidecar
 from flexplant.model.arrays import Matrix, is_sparse
 from flexplant.model.component import Component, FiniteElementModel
+from flexplant.model.display import DisplayMesh
 from flexplant.model.recovery import Recovery
 
 Matrices = Mapping[str, Matrix]

@@ -6,12 +6,12 @@ from pathlib import Path
 from typing import Any
 
 from flexplant.io.formats import Format
-from flexplant.io.parse.display import DisplayMesh
 from flexplant.io.parse.mat5 import HEADER_BYTES, read_mat
 from flexplant.io.parse.npz import MAX_BYTES
 from flexplant.io.parse.plain_matrices import component_of, mesh_of, model_of
 from flexplant.io.parse.sidecar import find_sidecar
 from flexplant.model.component import Component, FiniteElementModel
+from flexplant.model.display import DisplayMesh
 
 
 def sniff(head: bytes, path: Path) -> bool:  # noqa: ARG001  every sniff function has it

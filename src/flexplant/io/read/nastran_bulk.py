@@ -11,7 +11,7 @@ from flexplant.errors import ReadError
 from flexplant.io.formats import Format
 from flexplant.io.parse.bulk import Card, read_cards
 from flexplant.io.parse.coordinates import Geometry
-from flexplant.io.parse.display import DisplayMesh
+from flexplant.model.display import DisplayMesh
 
 CARD_LINE = re.compile(rb"^(GRID|SPOINT|CORD[12][RCS]|BEGIN +BULK)\b", re.IGNORECASE | re.MULTILINE)
 QUADS = {"CQUAD4": (2, 3, 4, 5), "CQUAD8": (2, 3, 4, 5), "CQUADR": (2, 3, 4, 5), "CSHEAR": (2, 3, 4, 5),

@@ -10,12 +10,12 @@ from pathlib import Path
 from typing import Any
 
 from flexplant.io.formats import Format
-from flexplant.io.parse.display import DisplayMesh
 from flexplant.io.parse.npz import MAX_BYTES, looks_like_npz, read_npz
 from flexplant.io.parse.npz_matrices import unpack_matrices
 from flexplant.io.parse.plain_matrices import component_of, mesh_of, model_of
 from flexplant.io.parse.sidecar import find_sidecar, sidecar_path
 from flexplant.model.component import Component, FiniteElementModel
+from flexplant.model.display import DisplayMesh
 
 
 def sniff(head: bytes, path: Path) -> bool:

@@ -6,12 +6,12 @@ from pathlib import Path
 from typing import Any
 
 from flexplant.io.formats import Format
-from flexplant.io.parse.display import DisplayMesh
 from flexplant.io.parse.files import sibling
 from flexplant.io.parse.op4 import looks_like_op4, read_op4
 from flexplant.io.parse.plain_matrices import component_of, mesh_of, model_of
 from flexplant.io.parse.sidecar import find_sidecar, sidecar_path
 from flexplant.model.component import Component, FiniteElementModel
+from flexplant.model.display import DisplayMesh
 
 
 def sniff(head: bytes, path: Path) -> bool:
