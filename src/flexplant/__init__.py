@@ -47,7 +47,7 @@ _HOME = {
     "response.margins": ("bandwidth_hz", "complementary_sensitivity", "crossing_hz", "sensitivity"),
     "response.structural": ("structural_frequency_response",),
     "response.gain_sweep": ("GainSweep",),
-    "response.grids": ("adaptive_grid",),
+    "loop.grids": ("adaptive_grid",),
     "response.h2": ("h2_norm", "white_noise_rms"),
     "loop.diagram": ("Diagram",),
     "loop.close": ("close",),

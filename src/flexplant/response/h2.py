@@ -11,6 +11,7 @@ from flexplant.plant.modal import ModalPlant
 from flexplant.plant.state_space import Descriptor, StateSpace, output_rows, state_space
 
 ROUND_OFF = 1e-9
+BLOCK = 256
 
 
 def h2_norm(plant: ModalPlant | StateSpace | Descriptor) -> float:
@@ -46,15 +47,18 @@ def _modal_rms(plant: ModalPlant, W: FloatArray) -> FloatArray:
     unbounded = (seen * driven[lasting] > 0).any(axis=1) | _white_through(direct, W)
     keep = ~lasting
     w, d, b = plant.omega[keep], 2 * (plant.zeta * plant.omega)[keep], plant.shape_in[keep]
-    S, total = b @ W @ b.T, d[:, None] + d
-    square = w**2
-    delta = (w[:, None] - w) * (w[:, None] + w)
-    mixed = d[:, None] * square + square[:, None] * d
-    displacement = S * total / (delta**2 + total * mixed)
-    cross = displacement * delta / total  # E[eta_i eta_j']
-    rate = displacement * mixed / total  # E[eta_i' eta_j']
-    P, V = position[:, keep], velocity[:, keep]
-    variance = ((P @ displacement) * P).sum(1) + 2 * ((P @ cross) * V).sum(1) + ((V @ rate) * V).sum(1)
+    P, V, Wb = position[:, keep], velocity[:, keep], W @ b.T
+    variance = np.zeros(len(plant.outputs))
+    for start in range(0, w.size, BLOCK):  # of rows, so that thousands of modes need no whole covariance
+        at = slice(start, start + BLOCK)
+        total = d[at, None] + d
+        delta = (w[at, None] - w) * (w[at, None] + w)
+        mixed = d[at, None] * w**2 + w[at, None] ** 2 * d
+        displacement = (b[at] @ Wb) * total / (delta**2 + total * mixed)
+        share = displacement / total
+        cross, rate = share * delta, share * mixed  # E[eta_i eta_j'], E[eta_i' eta_j']
+        rows, speeds = P[:, at], V[:, at]
+        variance += ((rows @ displacement) * P).sum(1) + 2 * ((rows @ cross) * V).sum(1) + ((speeds @ rate) * V).sum(1)
     return np.where(unbounded, np.inf, np.sqrt(np.maximum(variance, 0.0)))
 
 
