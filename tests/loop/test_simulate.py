@@ -203,6 +203,15 @@ def test_discrete_loop_steps_by_its_own_matrices():
         simulate(diagram, np.arange(9) * 0.2, np.zeros(9))
 
 
+def test_instants_in_single_precision_stand_for_even_ones(plant):
+    t = np.arange(3000) * 5e-4
+    u = np.sin(20 * t)
+    expected = simulate(plant, t, {plant.inputs[0]: u})
+    found = simulate(plant, t.astype(np.float32), {plant.inputs[0]: u})
+    assert relative(found.outputs, expected.outputs) < 1e-4
+    assert np.ptp(np.diff(found.time)) < 1e-12
+
+
 def test_discrete_steady_state():
     system = transfer_function([0.2], [1.0, -0.8], dt=1e-3)
     tones = Tones(frequency_hz=[10.0, 70.0], amplitude=[[1.0, 2j]], inputs=["u"])
@@ -252,6 +261,10 @@ BODY = ModalPlant(omega=[0.0, 3.0], zeta=0.0, shape_in=[[1.0], [1.0]], shape_out
     [
         (lambda: simulate(BODY, [0, 1, 3], np.zeros(3)), "not uniform"),
         (lambda: simulate(BODY, [0.0], [0.0]), "at least two"),
+        (lambda: simulate(BODY, T, progress=5), "progress = 5: give a function"),
+        (lambda: simulate(BODY, (1000 + T * 1e-5).astype(np.float32)), "float32 is too coarse for them"),
+        (lambda: simulate(BODY, np.array([0, 1, 2.01], dtype=np.float32)), "not uniform"),
+        (lambda: simulate(BODY, T[::-1]), "not uniform and increasing"),
         (lambda: simulate(BODY, T, np.zeros((2, 5))), r"shape \(2, 5\), but \(1 inputs, 5 instants\)"),
         (lambda: simulate(BODY, T, {"g": 1.0}), "no input 'g'"),
         (lambda: simulate(BODY, T, {"f": [1.0, 2.0]}), r"input 'f' has shape \(2,\)"),

@@ -15,15 +15,24 @@ Signals = npt.ArrayLike | Mapping[str, npt.ArrayLike] | xr.DataArray | None
 
 
 def checked_time(time: npt.ArrayLike) -> tuple[FloatArray, float]:
-    """(nt,) instants in seconds and their step; InputError unless they are at least two, increasing and uniform."""
+    """(nt,) instants in seconds and their step; InputError unless they are at least two, increasing and uniform.
+
+    Uniform to the rounding of their own type: instants in single precision are replaced by the even ones they stand for.
+    """
     t = real_values(time, "time")
     if t.ndim != 1 or t.size < 2 or not np.isfinite(t).all():
         raise InputError(f"time must be a list of at least two finite instants in seconds, got shape {t.shape}")
     dt = float((t[-1] - t[0]) / (t.size - 1))
     off = abs(np.diff(t) - dt)
-    if dt <= 0 or off.max() > 1e-6 * dt + 8 * np.finfo(float).eps * abs(t).max():
-        raise InputError(f"time is not uniform and increasing (worst at step {int(off.argmax())}); use numpy.arange(n) * dt")
-    return t, dt
+    kind = getattr(time, "dtype", t.dtype)
+    single = kind in (np.float16, np.float32)
+    allowed = 1e-6 * dt + 8 * float(np.finfo(kind if single else float).eps) * max(abs(t[0]), abs(t[-1]))
+    if dt <= 0 or off.max() > min(allowed, dt / 2):
+        hint = f"; {kind} is too coarse for them: use float64" if single and off.max() <= allowed else ""
+        raise InputError(
+            f"time is not uniform and increasing (worst at step {int(off.argmax())}); use numpy.arange(n) * dt{hint}"
+        )
+    return (np.linspace(t[0], t[-1], t.size) if single else t), dt
 
 
 def sampled(inputs: Signals, names: list[str], nt: int) -> FloatArray:

@@ -54,6 +54,8 @@ def simulate(
     """
     t, dt = checked_time(time)
     _check_every(every)
+    if progress is not None and not callable(progress):
+        raise InputError(f"progress = {progress!r}: give a function of (samples done, samples), or None")
     names = list(simulated(system).inputs)
     kept = _kept(outputs, list(system.outputs))
     rows = [list(system.outputs).index(k) for k in kept]
