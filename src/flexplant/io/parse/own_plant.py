@@ -62,6 +62,7 @@ def unpack_plant(arrays: Arrays, path: Path) -> Plant:
 def unpack_matlab(arrays: Arrays, path: Path, texts: Mapping[str, Sequence[str]] = MappingProxyType({})) -> Plant:
     """A plant from plain MATLAB matrices: M, C, K, B, F, G, D (mechss) as Descriptor, A, B, C, D (E) as such.
 
+    A modal plant that `matlab_variables` wrote comes back as one, as long as its A, B, C, D are still those of its modes.
     dt of A, B, C, D: seconds, 0 or none for continuous time. texts: InputName, OutputName, InputUnit, OutputUnit and Name;
     channels without a name are "u1", ..., "y1", ...
     Raises ReadError where the matrices of neither form are there, or do not fit together.
@@ -70,7 +71,8 @@ def unpack_matlab(arrays: Arrays, path: Path, texts: Mapping[str, Sequence[str]]
         if {"M", "K", "B"} <= set(arrays):
             return _from_mechss(arrays, texts)
         if {"A", "B", "C"} <= set(arrays):
-            return _from_first_order(arrays, texts)
+            first = _from_first_order(arrays, texts)
+            return _modes_of(first, arrays) or first
     except (ModelError, ValueError, TypeError, IndexError) as error:
         raise ReadError(path, one_line(error)) from None
     raise ReadError(path, f"is not a plant: it needs A, B, C, D or M, C, K, B, F, G, D; it has {', '.join(arrays) or 'nothing'}")
@@ -112,6 +114,19 @@ def _from_first_order(arrays: Arrays, texts: Mapping[str, Sequence[str]]) -> Pla
         return Descriptor(arrays["E"], A, B, C, D, **channels)
     dt = float(np.ravel(arrays["dt"])[0]) if "dt" in arrays else 0.0
     return StateSpace(A, B, C, D, dt=dt or None, **channels)
+
+
+def _modes_of(first: Plant, arrays: Arrays) -> ModalPlant | None:
+    """The modal plant whose state space this is, bit by bit; None where the file has no modes or other matrices."""
+    from flexplant.plant.state_space import channels_of, state_space
+
+    if not isinstance(first, StateSpace) or not {"omega", "zeta", "shape_in"} <= set(arrays):
+        return None
+    given: dict[str, Any] = {n: arrays[n] for n in SHAPES if n in arrays} | channels_of(first)
+    plant = ModalPlant(omega=np.ravel(arrays["omega"]), zeta=np.ravel(arrays["zeta"]), **given)
+    form = state_space(plant)
+    same = all(np.array_equal(getattr(form, n), getattr(first, n)) for n in "ABCD")
+    return plant if same else None
 
 
 def matlab_variables(plant: Plant) -> dict[str, Any]:

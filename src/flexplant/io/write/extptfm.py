@@ -21,9 +21,13 @@ MOST_DOF = 1350  # OpenFAST reads a line of loads into 4096 characters
 
 
 def write_component(component: Component, path: Path, *, duration: float = 3600.0) -> None:
-    """The file; duration: of the load history of zeros, seconds. Raises InputError for another boundary, too many DOF."""
+    """The file; duration: of the load history of zeros, seconds. InputError for another boundary, other units, too many DOF."""
     if component.boundary.direction.tolist() != DIRECTIONS or len(component.boundary.nodes) != 1:
         raise InputError(f"component {component.name!r}: ExtPtfm needs one boundary node with DOF 1 to 6, in that order")
+    if component.units != "SI":
+        raise InputError(
+            f"component {component.name!r} is in {component.units!r}, but ExtPtfm reads SI; convert it: component_to_si"
+        )
     n = component.n
     if n > MOST_DOF:
         raise InputError(f"component {component.name!r} has {n} DOF; OpenFAST reads at most {MOST_DOF}: reduce it to fewer modes")
