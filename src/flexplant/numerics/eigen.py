@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from functools import partial
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -13,8 +12,9 @@ import scipy.sparse as sp
 from flexplant.errors import SolverError
 from flexplant.model.arrays import FloatArray, dense
 from flexplant.numerics.factorization import Analysis, Factor, analyze, factorize, refuse_above
-from flexplant.numerics.lanczos import BASIS_BYTES, BLOCK, Progress, lanczos
+from flexplant.numerics.lanczos import BASIS_BYTES, BLOCK, LanczosPairs, Progress, lanczos
 from flexplant.numerics.rank import EPS, split_semidefinite
+from flexplant.numerics.sturm import count_below, gap_below_last, is_cheap
 
 INDEFINITE = 1e-8  # of a unit diagonal: more negative than any single-precision round-off of a vendor's matrix
 FIRST_GUESS = 20
@@ -26,13 +26,25 @@ WIDER = 4  # times the block, for modes repeated more often than it is wide
 class Eigenpairs:
     """omega2 (k,) ascending, vectors (n, k) mass-normalised, zero: how many leading ones are exact rigid-body motions.
 
-    proved: a Sturm count confirmed that no mode below the requested limit is missing.
+    residuals (k,): |K x - w^2 M x| / |K x| as computed from the matrices (|K x| / ||K| |x|| of rigid-body motions).
+    proved: a Sturm count confirmed that no mode is missing: below the requested limit, or, where a number of modes was
+    asked, below the last of them (the last group of equal ones).
     """
 
     omega2: FloatArray
     vectors: FloatArray
     zero: int
+    residuals: FloatArray
     proved: bool = False
+
+
+def residuals(stiffness: Any, mass: Any, omega2: FloatArray, vectors: FloatArray, zero: int = 0) -> FloatArray:
+    """(k,) relative residuals of modes, see `Eigenpairs`."""
+    force = np.asarray(stiffness @ vectors)
+    size = np.linalg.norm(force, axis=0)
+    size[:zero] = np.linalg.norm(abs(stiffness) @ abs(vectors[:, :zero]), axis=0) if zero else 0.0
+    force -= np.asarray(mass @ vectors) * omega2
+    return np.asarray(np.linalg.norm(force, axis=0) / np.maximum(size, np.finfo(float).tiny))
 
 
 def orthonormalize(vectors: FloatArray, mass: Any) -> FloatArray:
@@ -57,7 +69,8 @@ def dense_eigenpairs(stiffness: Any, mass: Any, rigid: FloatArray) -> Eigenpairs
     complement = la.qr(m @ zero)[0][:, zero.shape[1] :] if zero.shape[1] else np.eye(k.shape[0])
     k, m = complement.T @ k @ complement, complement.T @ m @ complement
     values, vectors = _finite_modes(0.5 * (k + k.T), 0.5 * (m + m.T))
-    return Eigenpairs(np.r_[np.zeros(zero.shape[1]), values], np.hstack([zero, complement @ vectors]), zero.shape[1])
+    omega2, shapes = np.r_[np.zeros(zero.shape[1]), values], np.hstack([zero, complement @ vectors])
+    return Eigenpairs(omega2, shapes, zero.shape[1], residuals(stiffness, mass, omega2, shapes, zero.shape[1]), True)
 
 
 def _finite_modes(k: FloatArray, m: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -93,25 +106,45 @@ def sparse_eigenpairs(
     *,
     n_modes: int | None,
     max_omega2: float | None,
+    verify_count: bool | None = None,
     progress: Progress | None = None,
 ) -> Eigenpairs:
     """The lowest modes of a large sparse problem by block Lanczos on one factor: `rigid`, then the first `n_modes` elastic
     ones, or all with w^2 <= max_omega2, or fewer where both are given. Rigid motions (n, r) of K are deflated.
 
     Modes below `max_omega2` are counted beforehand by Sylvester's law (negative pivots of K - max_omega2 M), so that none is
-    missing; `proved` says whether the backend could. A small negative shift keeps K - s M definite for free-free models.
+    missing; the first n_modes are counted afterwards (verify_count as in `shift_invert`); `proved` says whether the backend
+    could. A small negative shift keeps K - s M definite for free-free models.
     """
     k, m = sp.csc_array(stiffness), sp.csr_array(mass)
     _refuse_indefinite(m)
     zero = orthonormalize(rigid, m)
     analysis = analyze(k - m)
     refuse_above(analysis.estimate, None)
-    count = None if max_omega2 is None else count_below(k, m, max_omega2, analysis)
+    problem = Pencil(k, m, analysis, known=zero.shape[1])
+    count = None if max_omega2 is None else problem.count_below(max_omega2)
     shift = -_small_shift(k, m)
     factor = analysis.factorize(sp.csc_array(k - shift * m))
-    wanted = Wanted(n_modes, max_omega2, None if count is None else max(count - zero.shape[1], 0))
-    found = shift_invert(factor, m, wanted, shift=shift, rigid=zero, progress=progress)
-    return Eigenpairs(np.r_[np.zeros(zero.shape[1]), found.omega2], np.hstack([zero, found.vectors]), zero.shape[1], found.proved)
+    wanted = Wanted(n_modes, max_omega2, None if count is None else max(count, 0))
+    found = shift_invert(factor, problem, wanted, shift=shift, rigid=zero, verify_count=verify_count, progress=progress)
+    omega2, vectors = np.r_[np.zeros(zero.shape[1]), found.omega2], np.hstack([zero, found.vectors])
+    rest = residuals(k, m, omega2[: zero.shape[1]], zero, zero.shape[1])
+    return Eigenpairs(omega2, vectors, zero.shape[1], np.r_[rest, found.residuals], found.proved)
+
+
+@dataclass(frozen=True, eq=False)
+class Pencil:
+    """K and M of K x = w^2 M x, and the symbolic analysis of K - s M; known: modes that are deflated, not counted."""
+
+    stiffness: Any
+    mass: Any
+    analysis: Analysis
+    known: int = 0
+
+    def count_below(self, omega2: float) -> int | None:
+        """How many w^2 lie below, besides the known ones; None where the backend cannot tell."""
+        count = count_below(self.stiffness, self.mass, omega2, self.analysis)
+        return None if count is None else count - self.known
 
 
 @dataclass(frozen=True)
@@ -123,56 +156,75 @@ class Wanted:
     count: int | None = None
 
 
-def count_below(stiffness: Any, mass: Any, omega2: float, analysis: Analysis) -> int | None:
-    """How many w^2 of K x = w^2 M x lie below `omega2` (Sylvester's law of inertia, a Sturm count); None if it cannot tell.
-
-    A mode that sits on the limit to the last digit makes the matrix singular; the limit is then raised by 1e-9 of itself.
-    """
-    try:
-        factor = analysis.factorize(sp.csc_array(stiffness - omega2 * mass))
-    except SolverError:
-        factor = analysis.factorize(sp.csc_array(stiffness - omega2 * (1 + 1e-9) * mass))
-    return factor.negative_pivots
-
-
 def shift_invert(
     factor: Factor,
-    mass: Any,
+    problem: Pencil,
     wanted: Wanted,
     *,
     shift: float = 0.0,
     rigid: FloatArray | None = None,
     memory_limit: float = BASIS_BYTES,
+    verify_count: bool | None = None,
     progress: Progress | None = None,
 ) -> Eigenpairs:
     """The elastic modes `wanted`, from the factor of K - shift M; rigid (n, r) mass-orthonormal motions are deflated.
 
     Without a count the number of modes is doubled until one lies above the limit. A mode repeated more often than a block is
-    wide can be missed: where fewer modes are found than were counted, a wider block tries again, and SolverError follows.
+    wide can be missed. So modes are compared with a count: of all below the limit where `wanted` has one, else of those below
+    the last group of equal ones, which takes one more factorisation (verify_count: True always, False never, None where it
+    is cheap beside the solutions). Where fewer were found a wider block tries again, and SolverError follows.
     """
-    limit, count = wanted.max_omega2, wanted.count
-    ask = min(x for x in (wanted.n_modes, count, mass.shape[0]) if x is not None)
-    if wanted.n_modes is None and count is None:
-        ask = min(FIRST_GUESS, mass.shape[0])
-    below, block = factor.negative_pivots or 0, BLOCK if factor.fill < DENSE_FACTOR * mass.shape[0] else 2 * BLOCK
+    block = BLOCK if factor.fill < DENSE_FACTOR * problem.mass.shape[0] else 2 * BLOCK
     widest = WIDER * block
-    search = partial(
-        lanczos, factor.solve, mass, shift=shift, below=below, locked=rigid, memory_limit=memory_limit, progress=progress
-    )
     while True:
-        found = search(n_modes=ask, block=block)
+        found, columns = _searched(factor, problem, wanted, block, shift, rigid, memory_limit, progress)
+        expected, limit = _expected(factor, problem, wanted, found, columns, verify_count)
+        have = int(np.count_nonzero(found.omega2 <= limit))
+        if expected is None or have == expected:
+            rest = residuals(problem.stiffness, problem.mass, found.omega2, found.vectors)
+            return Eigenpairs(found.omega2, found.vectors, 0, rest, expected is not None)
+        if block == widest:
+            raise SolverError(f"{expected} modes lie below the limit, but only {have} were found; change the limit")
+        block = widest
+
+
+def _searched(
+    factor: Factor,
+    problem: Pencil,
+    wanted: Wanted,
+    block: int,
+    shift: float,
+    rigid: FloatArray | None,
+    memory_limit: float,
+    progress: Progress | None,
+) -> tuple[LanczosPairs, int]:
+    """Modes inside the limit, and how many columns were solved for."""
+    limit, n = wanted.max_omega2, problem.mass.shape[0]
+    ask = min(x for x in (wanted.n_modes, wanted.count, n) if x is not None)
+    if wanted.n_modes is None and wanted.count is None:
+        ask = min(FIRST_GUESS, n)
+    options: dict[str, Any] = {"block": block, "shift": shift, "below": factor.negative_pivots or 0, "locked": rigid}
+    columns = 0
+    while True:
+        found = lanczos(factor.solve, problem.mass, ask, memory_limit=memory_limit, progress=progress, **options)
+        columns += block * (found.blocks + 1)
         inside = np.ones(found.omega2.size, dtype=bool) if limit is None else found.omega2 <= limit * (1 + 1e-9)
-        missed = count is not None and ask == count and np.count_nonzero(inside) < count
-        if missed and block == widest:
-            raise SolverError(
-                f"{count} modes lie below the limit, but only {np.count_nonzero(inside)} were found; change the limit"
-            )
-        if missed:
-            block = widest
-        elif limit is None or count is not None or wanted.n_modes == ask or not inside.all() or found.exhausted:
-            return Eigenpairs(found.omega2[inside], found.vectors[:, inside], 0, limit is not None and count is not None)
-        else:
-            ask = min(2 * ask, mass.shape[0])
+        if limit is None or wanted.count is not None or wanted.n_modes == ask or not inside.all() or found.exhausted:
+            return replace(found, omega2=found.omega2[inside], vectors=found.vectors[:, inside]), columns
+        ask = min(2 * ask, n)
+
+
+def _expected(
+    factor: Factor, problem: Pencil, wanted: Wanted, found: LanczosPairs, columns: int, verify_count: bool | None
+) -> tuple[int | None, float]:
+    """How many modes there are below a limit, None where that is not counted; and the limit."""
+    if wanted.count is not None and (wanted.n_modes is None or wanted.count <= wanted.n_modes):
+        return wanted.count, np.inf
+    wish = is_cheap(problem.analysis.estimate, factor, columns) if verify_count is None else verify_count
+    if not wish or not found.omega2.size or found.omega2[-1] <= 0:
+        return None, np.inf
+    limit = gap_below_last(found.omega2)
+    return problem.count_below(limit), limit
 
 
 def _refuse_indefinite(mass: Any) -> None:

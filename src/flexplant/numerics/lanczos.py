@@ -18,6 +18,7 @@ BLOCK = 8  # a block of 8 columns solves 4-5 times cheaper a column than one by 
 TOLERANCE = 1e-8  # of a Ritz value of the inverse: eigenvalues then are exact to round-off
 BASIS_BYTES = 4e9  # the basis never takes more; beyond that Lanczos restarts thickly
 FIRST_TEST = 6  # blocks, and two columns a wanted mode: no basis has been seen to converge before
+CHEAP_BLOCK = 5000  # unknowns below which three blocks cost less than such a test
 NEXT_TEST = 0.5  # of the blocks after which the decay seen so far would meet the tolerance
 MAX_RESTARTS = 60
 
@@ -26,11 +27,14 @@ MAX_RESTARTS = 60
 class LanczosPairs:
     """omega2 (k,) ascending, vectors (n, k) mass-normalised; blocks and restarts it took.
 
+    residuals (k,): |B s| / |theta| of each Ritz pair, what the recurrence knows of |OP x - theta x| / |theta x| in the mass
+    norm; the vectors returned are better by one application of the operator.
     exhausted: the space closed, so the problem has no finite modes besides these (and the locked ones).
     """
 
     omega2: FloatArray
     vectors: FloatArray
+    residuals: FloatArray
     blocks: int
     restarts: int
     exhausted: bool
@@ -63,7 +67,7 @@ def lanczos(
     capacity = _capacity(n, n_modes, block, memory_limit)
     space = Krylov(solve, mass, locked, capacity, block, SEED)
     blocks = restarts = 0
-    test = _Schedule(2 * n_modes + FIRST_TEST * block, block, tolerance)
+    test = _Schedule(2 * n_modes + FIRST_TEST * block, block if n >= CHEAP_BLOCK else 3 * block, tolerance)
     while space.size > space.last:
         if not space.room:
             restarts += 1
@@ -72,7 +76,7 @@ def lanczos(
         blocks += 1
         if not test.due(space.last - space.locked) and not space.exhausted and space.room:
             continue
-        theta, _, residual = space.ritz()
+        theta, s, residual = space.ritz()
         pick = _wanted(theta, n_modes, below)
         error = residual[pick] / abs(theta[pick])
         if progress is not None:
@@ -80,7 +84,13 @@ def lanczos(
         if pick.size == n_modes and (error <= tolerance).all():
             break
         test.failed(space.last - space.locked, float(error.max(initial=0.0)) if pick.size == n_modes else 1.0)
-    return _pairs(space, n_modes, below, shift, blocks, restarts)
+    else:
+        theta, s, residual = space.ritz()
+        pick = _wanted(theta, n_modes, below)
+    theta, s, closed = theta[pick], s[:, pick], space.exhausted and space.size == space.last
+    vectors = space.vectors(theta, s)
+    vectors /= norms(vectors, mass @ vectors)
+    return LanczosPairs(shift + 1 / theta, vectors, residual[pick] / abs(theta), blocks, restarts, closed)
 
 
 class _Schedule:
@@ -96,7 +106,7 @@ class _Schedule:
 
     def failed(self, used: int, error: float) -> None:
         """Test again when the worst error, if it keeps falling as it did since the last test, is close to the tolerance."""
-        wait = float(self.block)
+        wait = 0.0
         if self.seen is not None and used > self.seen[0] and 0 < error < self.seen[1]:
             rate = np.log(self.seen[1] / error) / (used - self.seen[0])
             wait = NEXT_TEST * float(np.log(error / self.tolerance)) / rate
@@ -128,11 +138,3 @@ def _restart(space: Krylov, n_modes: int, below: int, restarts: int) -> None:
     keep = min(n_modes + (width - n_modes) // 2, theta.size, width - 3 * space.block)
     pick = _wanted(theta, keep, below)
     space.restart(theta[pick], s[:, pick])
-
-
-def _pairs(space: Krylov, n_modes: int, below: int, shift: float, blocks: int, restarts: int) -> LanczosPairs:
-    theta, s, _ = space.ritz()
-    pick = _wanted(theta, n_modes, below)
-    vectors = space.vectors(theta[pick], s[:, pick])
-    vectors /= norms(vectors, space.mass @ vectors)
-    return LanczosPairs(shift + 1 / theta[pick], vectors, blocks, restarts, space.exhausted and space.size == space.last)

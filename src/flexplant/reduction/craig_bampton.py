@@ -39,13 +39,15 @@ def craig_bampton(
     threads: int | None = None,
     memory_limit: float | None = None,
     backend: str | None = None,
+    verify_count: bool | None = None,
 ) -> ReducedComponent:
     """Reduce a finite-element model to HCB form, u = [I, 0; Psi, Phi] [b; q] (equations 2-4).
 
     Psi = -Kii^-1 Kib are constraint modes; Phi are fixed-interface modes up to `max_frequency_hz` or the first `n_modes`,
     and `residual_vectors` = k blocks of load-dependent Ritz vectors X1 = Kii^-1 (Mii Psi + Mib), X(k+1) = Kii^-1 Mii Xk,
     made orthogonal and diagonalised, so that Kbq = 0, Mqq = I and Kqq = diag(w^2) hold for all q. Modes below
-    `max_frequency_hz` are counted by Sylvester's law, so none is missing.
+    `max_frequency_hz` are counted by Sylvester's law, so none is missing. So are the first `n_modes`, with verify_count=True,
+    at the price of one more factorisation; None leaves that out where it would be most of the work, False always.
 
     accuracy: instead of n_modes and residual_vectors, the relative error that no frequency up to `max_frequency_hz` of any
     system containing the component shall exceed because of its basis; what was chosen and verified is in `.report`.
@@ -77,7 +79,14 @@ def craig_bampton(
     elif size is not None and max_frequency_hz is not None and part.i.size:
         interior, verified = best_of_size(part, size, max_frequency_hz, forces, progress)
     else:
-        interior = fixed_interface(part, max_frequency_hz=max_frequency_hz, n_modes=n_modes, loads=forces, progress=progress)
+        interior = fixed_interface(
+            part,
+            max_frequency_hz=max_frequency_hz,
+            n_modes=n_modes,
+            loads=forces,
+            progress=progress,
+            verify_count=verify_count,
+        )
         for _ in range(max(residual_vectors, 1 if forces.shape[1] else 0) if part.i.size else 0):
             interior = interior.extended()
     component = hcb_component(
@@ -146,6 +155,7 @@ def _report(
         drawn_from=interior.drawn_from if isinstance(interior, Drawn) else None,
         complete_below_hz=float(np.sqrt(interior.complete)) / (2 * np.pi),
         proved=interior.proved,
+        residuals=interior.residuals,
         max_frequency_hz=max_frequency_hz,
         accuracy=accuracy,
         verified=verified,

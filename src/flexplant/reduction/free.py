@@ -9,7 +9,7 @@ import numpy as np
 import scipy.linalg as la
 
 from flexplant.errors import SolverError
-from flexplant.model.arrays import FloatArray, dense
+from flexplant.model.arrays import FloatArray
 from flexplant.numerics.eigen import orthonormalize
 from flexplant.reduction.partition import Partition
 

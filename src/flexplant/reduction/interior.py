@@ -14,6 +14,7 @@ from flexplant.model.arrays import FloatArray
 from flexplant.model.dofs import DofSet
 from flexplant.numerics.eigen import Wanted, dense_eigenpairs, shift_invert
 from flexplant.numerics.lanczos import BASIS_BYTES, Progress
+from flexplant.numerics.sturm import gap_below_last
 from flexplant.reduction.partition import Partition, project, symmetric
 
 DENSE_LIMIT = 200  # interior DOF up to which a dense solution of all modes is the fastest
@@ -25,9 +26,9 @@ INDEPENDENT = 1e-9  # part of a Ritz vector that is new, below which it adds rou
 class Interior:
     """Mass-orthonormal interior vectors Q = [Phi, X]: modes Phi (n_i, n_m) and Ritz vectors X (n_i, n_r), in `blocks` blocks.
 
-    omega2: (n_m,). complete: w^2 below which no fixed-interface mode is missing; proved: by a Sturm count. loads: (n_i, k)
-    forces that get Ritz vectors besides the boundary's. newest: how many last columns of X have not been followed up;
-    older, older_drive: what earlier blocks left out (see `pending`).
+    omega2: (n_m,). complete: w^2 below which no fixed-interface mode is missing; proved: by a Sturm count. residuals: of
+    each mode. loads: (n_i, k) forces that get Ritz vectors besides the boundary's. newest: how many last columns of X have not
+    been followed up; older, older_drive: what earlier blocks left out (see `pending`).
     """
 
     part: Partition
@@ -41,6 +42,7 @@ class Interior:
     newest: int = 0
     older: FloatArray | None = None
     older_drive: FloatArray | None = None
+    residuals: tuple[float, ...] = ()
 
     @cached_property
     def raw(self) -> FloatArray:
@@ -149,7 +151,13 @@ def orthonormal(block: FloatArray, basis: FloatArray, part: Partition) -> FloatA
 
 
 def fixed_interface(
-    part: Partition, *, max_frequency_hz: float | None, n_modes: int | None, loads: FloatArray, progress: Progress | None
+    part: Partition,
+    *,
+    max_frequency_hz: float | None,
+    n_modes: int | None,
+    loads: FloatArray,
+    progress: Progress | None,
+    verify_count: bool | None = None,
 ) -> Interior:
     """The modes of the held model up to a frequency, or the first n, or fewer where both are given."""
     limit = None if max_frequency_hz is None else (2 * np.pi * max_frequency_hz) ** 2
@@ -160,13 +168,19 @@ def fixed_interface(
         return Interior(part, none, np.zeros(0), np.inf if n == 0 else 0.0, False, loads, none)
     if n <= DENSE_LIMIT or (n_modes or 0) > n // 3:
         return _all_dense(part, limit, n_modes, loads)
-    count = None if limit is None else part.count_below(limit)
+    pencil, factor = part.pencil, part.factor
+    count = None if limit is None else pencil.count_below(limit)
     room = BASIS_BYTES if part.memory_limit is None else min(BASIS_BYTES, BASIS_SHARE * part.memory_limit)
-    found = shift_invert(part.factor, part.mii, Wanted(n_modes, limit, count), memory_limit=room, progress=progress)
+    wanted = Wanted(n_modes, limit, count)
+    found = shift_invert(factor, pencil, wanted, memory_limit=room, verify_count=verify_count, progress=progress)
     omega2 = _enough(part, found.omega2, limit, n_modes)
     every = limit is not None and (n_modes is None or omega2.size < n_modes or count == n_modes)
-    complete = float(limit or 0.0) if every else float(omega2[-1])
-    return Interior(part, found.vectors, omega2, complete, every and count is not None, loads, none)
+    complete = float(limit or 0.0) if every else gap_below_last(omega2) if found.proved else float(omega2[-1])
+    return Interior(part, found.vectors, omega2, complete, found.proved, loads, none, residuals=_listed(found.residuals))
+
+
+def _listed(residuals: FloatArray) -> tuple[float, ...]:
+    return tuple(residuals.tolist())
 
 
 def _all_dense(part: Partition, limit: float | None, n_modes: int | None, loads: FloatArray) -> Interior:
@@ -175,8 +189,9 @@ def _all_dense(part: Partition, limit: float | None, n_modes: int | None, loads:
     inside = np.count_nonzero(found.omega2 <= limit) if limit is not None else found.omega2.size
     keep = inside if n_modes is None else min(inside, n_modes)
     omega2 = _enough(part, found.omega2[:keep], limit, n_modes)
-    complete = found.omega2[keep] if keep < found.omega2.size else np.inf
-    return Interior(part, found.vectors[:, :keep], omega2, float(complete), True, loads, np.zeros((part.i.size, 0)))
+    complete = float(found.omega2[keep]) if keep < found.omega2.size else np.inf
+    none, rest = np.zeros((part.i.size, 0)), _listed(found.residuals[:keep])
+    return Interior(part, found.vectors[:, :keep], omega2, complete, True, loads, none, residuals=rest)
 
 
 def _enough(part: Partition, omega2: FloatArray, limit: float | None, n_modes: int | None) -> FloatArray:

@@ -15,7 +15,7 @@ from flexplant.model.arrays import FloatArray, IntArray, dense
 from flexplant.model.component import FiniteElementModel
 from flexplant.model.dofs import DofSet
 from flexplant.numerics.completion import completed
-from flexplant.numerics.eigen import count_below
+from flexplant.numerics.eigen import Pencil
 from flexplant.numerics.factorization import Analysis, Factor, analyze, factorize, refuse_above
 from flexplant.reduction.mechanism import described
 
@@ -97,9 +97,10 @@ class Partition:
         refuse_above(analysis.estimate, self.memory_limit, besides=16.0 * self.i.size * self.b.size)
         return analysis
 
-    def count_below(self, omega2: float) -> int | None:
-        """How many fixed-interface w^2 lie below `omega2`, by inertia; None where the backend cannot tell."""
-        return count_below(self.kii, self.mii, omega2, self.analysis)
+    @property
+    def pencil(self) -> Pencil:
+        """The held model's eigenproblem."""
+        return Pencil(self.kii, self.mii, self.analysis)
 
     @cached_property
     def factor(self) -> Factor:

@@ -24,6 +24,7 @@ class ReductionReport:
     n_modes: exact modes of the held (or free) model. n_residual: residual (Ritz) vectors besides them, in `blocks` blocks, or
     drawn from a basis of `drawn_from` vectors that had so many blocks.
     complete_below_hz: the basis holds every fixed-interface mode below it; proved: a Sturm count said so.
+    residuals: of each mode, |K x - w^2 M x| / |K x|, computed from the held model's matrices.
     accuracy: asked relative frequency error, None where modes and blocks were given. verified: bound of the relative error of
     any system's frequency up to max_frequency_hz that this component causes, None where it was not computed.
     basis_bytes: memory that keeping the basis takes (or would take).
@@ -36,6 +37,7 @@ class ReductionReport:
     drawn_from: int | None = None
     complete_below_hz: float = 0.0
     proved: bool = False
+    residuals: tuple[float, ...] = ()
     max_frequency_hz: float | None = None
     accuracy: float | None = None
     verified: float | None = None
@@ -49,6 +51,7 @@ class ReductionReport:
             text += f" in {self.blocks} blocks"
         text += f"; all fixed-interface modes below {self.complete_below_hz:.6g} Hz" if self.complete_below_hz else ""
         text += (" (counted)" if self.proved else " (not counted)") if self.complete_below_hz else ""
+        text += f", residuals at most {max(self.residuals):.0e}" if self.residuals else ""
         if self.verified is not None:
             asked = "" if self.accuracy is None else f", asked {self.accuracy:.1e}"
             text += f"; frequency error below {self.max_frequency_hz:g} Hz at most {self.verified:.1e}{asked}"
