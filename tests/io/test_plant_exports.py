@@ -142,6 +142,10 @@ def test_c_source_needs_a_sample_time(tmp_path: Path) -> None:
 
 
 def octave(folder: Path, command: str) -> np.ndarray:
+    return np.array(re.findall(r"[-+.\deE]+", run_octave(folder, command)), dtype=float)
+
+
+def run_octave(folder: Path, command: str) -> str:
     done = subprocess.run(
         [str(OCTAVE), "--no-gui", "-q", "--eval", f"pkg load control; {command}"],
         cwd=folder, capture_output=True, text=True, check=False,
@@ -149,7 +153,7 @@ def octave(folder: Path, command: str) -> np.ndarray:
     if "package" in done.stderr and "control" in done.stderr:
         pytest.skip("octave has no control package")
     assert done.returncode == 0, done.stderr
-    return np.array(re.findall(r"[-+.\deE]+", done.stdout), dtype=float)
+    return done.stdout
 
 
 @needs_octave
@@ -187,6 +191,35 @@ def test_octave_reads_descriptors_discrete_plants_and_mechanical_matrices(tmp_pa
     printed = octave(tmp_path, text + "printf('%.17g ', real(h))")
     expected = frequency_response(given, [2 / (2 * np.pi)]).values.real[:, :, 0]
     np.testing.assert_allclose(printed.reshape(2, 3, order="F"), expected, rtol=1e-10)
+
+
+@needs_octave
+def test_octave_knows_the_channels_by_their_names(tmp_path: Path) -> None:
+    given = plant(3)
+    square = Descriptor(
+        sp.eye_array(3), -np.eye(3), np.ones((3, 3)), np.ones((2, 3)), np.zeros((2, 3)), given.inputs, given.outputs
+    )
+    plants = {"a": given, "b": discretize(given, DT), "c": square}
+    for name, one in plants.items():
+        write_plant(one, tmp_path / f"{name}.m")
+    text = "; ".join(f"s = {name}(); n = [s.inname; s.outname]; printf('%s\\n', n{{:}})" for name in plants)
+    done = run_octave(tmp_path, text)
+    assert done.splitlines() == 3 * [*given.inputs, *given.outputs]
+
+
+@needs_octave
+def test_mechanical_matrices_give_the_response_with_full_damping_and_rates(tmp_path: Path) -> None:
+    """mechss: M q'' + C q' + K q = B u, y = F q + G q' + D u."""
+    damping = np.diag([0, 0.1, 0.1, 0.2, 0.3])
+    damping[1:, 1:] += 0.02
+    rates = np.random.default_rng(3).standard_normal((2, 5))
+    given = plant(5, omega=[0.0, 1, 2, 3, 4], damping=damping, shape_out_velocity=rates)
+    write_plant(given, tmp_path / "q.m")
+    text = "[~, p] = q(); m = p.mechanical; s = 2i; h = (m.F + s*m.G)*((s^2*m.M + s*m.C + m.K)\\m.B) + m.D; "
+    printed = octave(tmp_path, text + "printf('%.17g ', real(h), imag(h))")
+    expected = frequency_response(given, [2 / (2 * np.pi)]).values[:, :, 0]
+    seen = printed.reshape(2, 3, 2).transpose(2, 1, 0)
+    np.testing.assert_allclose(seen[..., 0] + 1j * seen[..., 1], expected, rtol=1e-10)
 
 
 def test_julia_file_keeps_every_digit(tmp_path: Path) -> None:

@@ -33,6 +33,9 @@ elseif p.dt > 0
 else
   sys = ss(p.A, p.B, p.C, p.D, names{{:}});
 end
+if ~exist("OCTAVE_VERSION", "builtin")
+  set(sys, "InputUnit", p.InputUnit, "OutputUnit", p.OutputUnit, "Name", p.Name);
+end
 end
 """
 
