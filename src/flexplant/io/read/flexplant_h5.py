@@ -5,11 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 
 from flexplant.io.formats import Format
-from flexplant.io.parse.files import provenance
 from flexplant.io.parse.h5 import SIGNATURE, header_of, read_h5
-from flexplant.io.parse.npz import MAX_BYTES
-from flexplant.io.parse.own import HEADER, unpack_component, unpack_model
-from flexplant.model.component import Component, FiniteElementModel
+from flexplant.io.parse.own import HEADER
+from flexplant.io.parse.own_readers import own_readers
+
+NAME = "flexplant_h5"
 
 
 def sniff(head: bytes, path: Path) -> bool:
@@ -17,23 +17,11 @@ def sniff(head: bytes, path: Path) -> bool:
     return head.startswith(SIGNATURE) and header_of(path, HEADER) is not None
 
 
-def read_component(path: Path, *, name: str | None = None, max_bytes: float = MAX_BYTES) -> Component:
-    """A component as it was written; source["origin"] is the source it had."""
-    arrays = read_h5(path, max_bytes=max_bytes)
-    return unpack_component(arrays, path, provenance(path, FORMAT.name, __name__), name)
-
-
-def read_model(path: Path, *, name: str | None = None, max_bytes: float = MAX_BYTES) -> FiniteElementModel:
-    """A finite-element model as it was written; source["origin"] is the source it had."""
-    arrays = read_h5(path, max_bytes=max_bytes)
-    return unpack_model(arrays, path, provenance(path, FORMAT.name, __name__), name)
-
-
 FORMAT = Format(
-    name="flexplant_h5",
+    name=NAME,
     description="flexplant's own HDF5 file",
     suffixes=(".h5", ".hdf5"),
     sniff=sniff,
     tested_against="itself, bit-equal",
-    readers={"read_component": read_component, "read_model": read_model},
+    readers=own_readers(read_h5, NAME, __name__),
 )

@@ -5,10 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 
 from flexplant.io.formats import Format
-from flexplant.io.parse.files import provenance
-from flexplant.io.parse.npz import MAX_BYTES, looks_like_npz, member_names, read_npz
-from flexplant.io.parse.own import HEADER, unpack_component, unpack_model
-from flexplant.model.component import Component, FiniteElementModel
+from flexplant.io.parse.npz import looks_like_npz, member_names, read_npz
+from flexplant.io.parse.own import HEADER
+from flexplant.io.parse.own_readers import own_readers
+
+NAME = "flexplant_npz"
 
 
 def sniff(head: bytes, path: Path) -> bool:
@@ -16,23 +17,11 @@ def sniff(head: bytes, path: Path) -> bool:
     return looks_like_npz(head) and HEADER in member_names(path)
 
 
-def read_component(path: Path, *, name: str | None = None, max_bytes: float = MAX_BYTES) -> Component:
-    """A component as it was written; source["origin"] is the source it had."""
-    arrays = read_npz(path, max_bytes=max_bytes)
-    return unpack_component(arrays, path, provenance(path, FORMAT.name, __name__), name)
-
-
-def read_model(path: Path, *, name: str | None = None, max_bytes: float = MAX_BYTES) -> FiniteElementModel:
-    """A finite-element model as it was written; source["origin"] is the source it had."""
-    arrays = read_npz(path, max_bytes=max_bytes)
-    return unpack_model(arrays, path, provenance(path, FORMAT.name, __name__), name)
-
-
 FORMAT = Format(
-    name="flexplant_npz",
+    name=NAME,
     description="flexplant's own .npz",
     suffixes=(".npz",),
     sniff=sniff,
     tested_against="itself, bit-equal",
-    readers={"read_component": read_component, "read_model": read_model},
+    readers=own_readers(read_npz, NAME, __name__),
 )
