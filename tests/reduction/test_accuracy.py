@@ -133,11 +133,13 @@ def test_estimate_names_the_component_whose_basis_is_small():
         lambda m, b: craig_bampton(m, b, max_frequency_hz=700), lambda m, b: craig_bampton(m, b, n_modes=30, residual_vectors=2)
     )
     modes, error = shocksat_error(system)
+    modes = fp.normal_modes(system)
     estimate = estimate_error(system, modes=modes)
     assert (estimate.by_component[:40, 0] > 10 * estimate.by_component[:40, 1]).all()
     ratio = estimate.total[:40] / error[:40]
-    assert 0.95 < np.median(ratio) < 1.2
-    assert np.quantile(ratio, 0.05) > 0.95  # errors of 0.1 % mix close modes, which the first order cannot tell apart
+    assert 1.0 < np.median(ratio) < 1.2
+    assert ratio.min() > 0.999  # although errors of 0.1 % mix close modes
+    assert estimate.mixed.any()
     assert "bus" in str(estimate)
 
 

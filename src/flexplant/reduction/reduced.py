@@ -23,7 +23,7 @@ class ReductionReport:
 
     n_modes: exact modes of the held (or free) model. n_residual: residual (Ritz) vectors besides them, in `blocks` blocks, or
     drawn from a basis of `drawn_from` vectors that had so many blocks.
-    complete_below_hz: the basis holds every fixed-interface mode below it; proved: a Sturm count said so.
+    complete_below_hz: the basis holds every fixed-interface (Rubin: free) mode below it; proved: a Sturm count said so.
     residuals: of each mode, |K x - w^2 M x| / |K x|, computed from the held model's matrices.
     accuracy: asked relative frequency error, None where modes and blocks were given. verified: bound of the relative error of
     any system's frequency up to max_frequency_hz that this component causes, None where it was not computed.
@@ -49,7 +49,8 @@ class ReductionReport:
             text += f" drawn from {self.drawn_from} in {self.blocks} blocks"
         elif self.blocks:
             text += f" in {self.blocks} blocks"
-        text += f"; all fixed-interface modes below {self.complete_below_hz:.6g} Hz" if self.complete_below_hz else ""
+        kind = "free" if self.method == "Rubin" else "fixed-interface"
+        text += f"; all {kind} modes below {self.complete_below_hz:.6g} Hz" if self.complete_below_hz else ""
         text += (" (counted)" if self.proved else " (not counted)") if self.complete_below_hz else ""
         text += f", residuals at most {max(self.residuals):.0e}" if self.residuals else ""
         if self.verified is not None:
@@ -100,21 +101,19 @@ def expand(component: Component, coordinates: npt.ArrayLike) -> FloatArray:
     return np.asarray(reduced.basis @ p)
 
 
-def residual_energy(component: Component, coordinates: npt.ArrayLike, omega2: npt.ArrayLike) -> FloatArray:
-    """(k,) estimate of the drop of w^2 that a complete basis of this component would bring to mass-normalised modes.
+def residual_products(component: Component, coordinates: npt.ArrayLike) -> FloatArray:
+    """G = (L p)^T (L p), (k, k), of modes p (n, k): at a frequency w their residuals' energies are w^4 G / (1 - w^2 / w_c^2).
 
-    coordinates: (n, k) the component's part of the modes, omega2: (k,) their w^2. The residual r = (K - w^2 M) T p of the
-    interior costs r^T Kii^-1 r / (1 - w^2 / w_c^2) = |w^2 L p|^2 / (1 - w^2 / w_c^2), w_c the frequency below which the
-    fixed-interface modes are complete; infinite above it. Raises InputError where the reduction kept no error rows.
+    w_c is the frequency below which the reduction's exact modes are complete (`amplification`). Raises InputError where the
+    reduction kept no error rows.
     """
     reduced = _checked(component, "estimate_error")
     if reduced.error_rows is None:
         raise InputError(
-            f"estimate_error: component {component.name!r} has no error rows; use craig_bampton with error_estimate=True"
+            f"estimate_error: component {component.name!r} has no error rows; reduce it with error_estimate=True (not by guyan)"
         )
-    w2 = np.asarray(omega2, dtype=float)
-    energy = np.sum((reduced.error_rows @ np.asarray(coordinates)) ** 2, axis=0) * w2**2
-    return np.asarray(energy * amplification(w2, (2 * np.pi * reduced.report.complete_below_hz) ** 2))
+    lost = reduced.error_rows @ np.asarray(coordinates)
+    return np.asarray(lost.T @ lost)
 
 
 def amplification(omega2: FloatArray, complete: float) -> FloatArray:

@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
+import scipy.linalg as la
 
 from flexplant.errors import InputError
 from flexplant.model.arrays import FloatArray
@@ -31,6 +34,7 @@ def rubin(
     loads: DofSet | Iterable[tuple[int, int | str]] = (),
     recover: Iterable[tuple[int, int | str]] = (),
     keep_basis: Storage = False,
+    error_estimate: bool = True,
     progress: Progress | None = None,
     threads: int | None = None,
     memory_limit: float | None = None,
@@ -41,8 +45,8 @@ def rubin(
     Rubin's basis, u = R a + Phi eta + G_res f_b, spans the same space as the constraint modes [I; Psi], the free modes Phi and
     the inertia-relief answers Kii^-1 S R_b to rigid-body acceleration. So the component is given in standard HCB form: the
     interior vectors Phi_i - Psi Phi_b and Kii^-1 S R_b, made orthogonal and diagonalised. All modes of the free component
-    are exact, and so are statics, also of forces at the interior DOF `loads`. n_modes counts elastic modes. Other
-    arguments and errors as for `craig_bampton`.
+    are exact, and so are statics, also of forces at the interior DOF `loads`. n_modes counts elastic modes. `estimate_error`
+    holds below the last free mode. Other arguments and errors as for `craig_bampton`.
     Sources: Rubin 1975; MacNeal 1971; Craig and Chang 1977.
     """
     if max_frequency_hz is None and n_modes is None:
@@ -51,35 +55,78 @@ def rubin(
         raise InputError(f"rubin: n_modes {n_modes} must lie between 0 and the {len(model.dofs)} DOF of model {model.name!r}")
     part = Partition.of(model, boundary, threads=threads, memory_limit=memory_limit, backend=backend)
     free = FreeSolve(part)
-    shapes = _free_modes(free, max_frequency_hz, n_modes, progress)
+    shapes, complete = _free_modes(free, max_frequency_hz, n_modes, progress)
     n_b, psi = part.b.size, part.constraint_modes
     relief = part.factor.solve(part.inertia_load @ free.rigid[:n_b]) if free.rigid.shape[1] else np.zeros((part.i.size, 0))
     none = np.zeros((part.i.size, 0))
     loads = DofSet.of(loads)
-    wanted = np.hstack([shapes[n_b:] - psi @ shapes[:n_b], relief, part.factor.solve(load_columns(part, loads))])
-    vectors = orthonormal(without(wanted, none, part), none, part)
-    interior = Interior(part, none, np.zeros(0), 0.0, False, none, vectors, blocks=1)
+    other = np.hstack([relief, part.factor.solve(load_columns(part, loads))])
+    held = shapes[n_b:] - psi @ shapes[:n_b]
+    first = orthonormal(without(held, none, part), none, part)
+    rest = orthonormal(without(other, first, part), first, part)
+    vectors = np.hstack([first, rest])
+    missing = _missing(part, first, rest, (held, shapes[:n_b])) if error_estimate and part.i.size else None
+    interior = FreeInterior(part, none, np.zeros(0), complete, False, none, vectors, blocks=1, missing=missing)
     report = ReductionReport(
         method="Rubin",
         n_modes=shapes.shape[1],
         n_residual=vectors.shape[1] - shapes.shape[1],
+        complete_below_hz=float(np.sqrt(complete)) / (2 * np.pi),
         max_frequency_hz=max_frequency_hz,
         basis_bytes=basis_bytes(model, n_b + vectors.shape[1]),
     )
-    component = hcb_component(interior, report, recover=recover, loads=loads, keep_basis=keep_basis)
+    component = hcb_component(
+        interior,
+        report,
+        error_rows=None if missing is None else interior.error_rows,
+        recover=recover,
+        loads=loads,
+        keep_basis=keep_basis,
+    )
     return component if damping_ratio is None else with_modal_damping(component, damping_ratio)  # type: ignore[return-value]
 
 
-def _free_modes(free: FreeSolve, max_frequency_hz: float | None, n_modes: int | None, progress: Progress | None) -> FloatArray:
-    """(n, k) elastic modes of the free model, boundary rows first; doubled until one lies above the frequency."""
+@dataclass(frozen=True, eq=False)
+class FreeInterior(Interior):
+    """Rubin's vectors; missing: V (n_i, m) and drive D (m, n_b + n_r), what they lack of the answer w^2 V D [b; x]."""
+
+    missing: tuple[FloatArray, FloatArray] | None = None
+
+    @cached_property
+    def pending(self) -> tuple[FloatArray, FloatArray]:
+        """See `Interior.pending`. The rest is stiff: whatever is K-orthogonal to the basis lies above the free modes kept."""
+        assert self.missing is not None
+        return self.missing
+
+
+def _missing(
+    part: Partition, first: FloatArray, rest: FloatArray, modes: tuple[FloatArray, FloatArray]
+) -> tuple[FloatArray, FloatArray]:
+    """V and D from one block of solutions: Kii^-1 Mii x = x / w^2 - Kii^-1 S phi_b for the held part x of a free mode phi.
+
+    modes: x (n_i, m) and phi_b (n_b, m), which span `first`; rest: vectors of which no such law is known.
+    """
+    held, boundary = modes
+    n_b = boundary.shape[0]
+    v = without(part.factor.solve(np.hstack([part.inertia_load, part.mii @ rest])), np.hstack([first, rest]), part)
+    combination = la.pinv(first.T @ (part.mii @ held))  # (m, n_first): first = held combination
+    driven = la.block_diag(-boundary @ combination, np.eye(rest.shape[1]))
+    return v, np.hstack([np.eye(n_b + rest.shape[1], n_b), driven])
+
+
+def _free_modes(
+    free: FreeSolve, max_frequency_hz: float | None, n_modes: int | None, progress: Progress | None
+) -> tuple[FloatArray, float]:
+    """(n, k) elastic modes of the free model, boundary rows first, and w^2 below which none is missing."""
     limit = np.inf if max_frequency_hz is None else (2 * np.pi * max_frequency_hz) ** 2
     most = len(free.part.model.dofs) - free.rigid.shape[1]
     ask = min(most, FIRST_GUESS if n_modes is None else n_modes)
     if ask == 0:
-        return np.zeros((len(free.part.model.dofs), 0))
+        return np.zeros((len(free.part.model.dofs), 0)), 0.0
     while True:
         found = lanczos(free.solve, free.mass, ask, locked=free.rigid, progress=progress)
         inside = found.omega2 <= limit
         if found.exhausted or ask in (n_modes, most) or not inside.all():
-            return found.vectors[:, inside]
+            last = float(found.omega2[-1]) if found.omega2.size else 0.0
+            return found.vectors[:, inside], min(limit, last)
         ask = min(2 * ask, most if n_modes is None else n_modes)

@@ -5,24 +5,31 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import numpy.typing as npt
+import scipy.linalg as la
 
 from flexplant.assembly import System
 from flexplant.errors import InputError
 from flexplant.model.arrays import FloatArray, frozen
 from flexplant.modes import Modes, normal_modes
-from flexplant.reduction.reduced import ReducedComponent, residual_energy
+from flexplant.reduction.reduced import ReducedComponent, amplification, residual_products
+
+MIXING = 0.05  # of the own error: more from other modes, by second order, and they are solved together
 
 
 @dataclass(frozen=True, eq=False)
 class ErrorEstimate:
     """Estimated relative frequency errors: mode k of `frequency_hz` (k,) is high by `by_component` (k, n_components) in all.
 
-    total: (k,) their sum. skipped: components that were not reduced here, so that nothing is known of them.
+    total: (k,) their sum. mixed: (k,) True where the error mixes the mode with close ones or carries one of them past it: the
+    value is then that of the k-th of the cluster, and the shape is uncertain. skipped: components that were not reduced here,
+    so that nothing is known of them.
     """
 
     frequency_hz: FloatArray
     components: tuple[str, ...]
     by_component: FloatArray
+    mixed: npt.NDArray[np.bool_]
     skipped: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
@@ -36,8 +43,8 @@ class ErrorEstimate:
 
     def __str__(self) -> str:
         lines = ["   Hz         error    " + "".join(f"{name:>12}" for name in self.components)]
-        for hz, total, row in zip(self.frequency_hz, self.total, self.by_component, strict=True):
-            lines.append(f"{hz:12.5g}  {total:9.1e}" + "".join(f"{value:12.1e}" for value in row))
+        for hz, total, row, mixed in zip(self.frequency_hz, self.total, self.by_component, self.mixed, strict=True):
+            lines.append(f"{hz:12.5g}  {total:9.1e}" + "".join(f"{value:12.1e}" for value in row) + "  mixed" * bool(mixed))
         if self.skipped:
             lines.append(f"not reduced here, error unknown: {', '.join(self.skipped)}")
         return "\n".join(lines)
@@ -48,20 +55,48 @@ def estimate_error(
 ) -> ErrorEstimate:
     """Relative frequency error of a system's modes caused by each component's truncated basis; no full model is needed.
 
-        df / f = sum over components of |w^2 L p|^2 / (2 w^2 (1 - w^2 / w_c^2)),   mass-normalised modes p
+        w_true^2 >= mu_k,   mu_k the k-th eigenvalue of  diag(w^2) - E,   E = sum of w_k^4 P^T P / (1 - w_k^2 / w_c^2)
 
-    with the error rows L of `craig_bampton`: the residual of the unreduced interior, weighted with its static flexibility.
-    First order, and from above as long as w is well below w_c, up to which the component's modes are complete; infinite
-    beyond. Rigid-body modes are exact and left out. Raises InputError where no component has error rows.
+    over the components, with P = L p for the mass-normalised modes p (rigid-body modes too) and the error rows L of the
+    reduction: the residual of the unreduced interior, weighted with its static flexibility. w_c: up to it the component's
+    modes are complete; from there on the error is infinite. df / f = w_k / sqrt(mu_k) - 1, from above. Where E does not mix
+    modes, mu_k = w_k^2 - E_kk; close modes are solved together and flagged. Only mixing among the modes given is seen: give
+    those up to well above the frequency of interest. Rigid-body modes are exact and left out. Raises InputError where no
+    component has error rows.
+    Source: dynamic condensation of what a basis lacks (Leung 1978), and the monotonicity of eigenvalues.
     """
     modes = modes or normal_modes(system, max_frequency_hz=max_frequency_hz, n_modes=n_modes)
-    elastic = slice(modes.n_rigid, None)
     reduced = [c for c in system.components if isinstance(c, ReducedComponent)]
     if not reduced:
-        raise InputError("estimate_error: no component of the system was reduced in this session; reduce with craig_bampton")
-    omega2 = modes.omega[elastic] ** 2
-    shapes = modes.shapes[:, elastic]
-    columns = [residual_energy(c, shapes[system.offsets[c.name]], omega2) / (2 * omega2) for c in reduced]
+        raise InputError("estimate_error: no component of the system was made by a reduction; reduce with craig_bampton or rubin")
+    products = [residual_products(c, modes.shapes[system.offsets[c.name]]) for c in reduced]
+    complete = [(2 * np.pi * c.report.complete_below_hz) ** 2 for c in reduced]
+    w2 = modes.omega**2
+    # (n_components, k) factors of G at each mode's own frequency
+    factors = np.array([w2**2 * amplification(w2, limit) for limit in complete])
+    elastic = range(modes.n_rigid, len(modes))
+    rows = [_mode_error(k, w2, products, factors[:, k]) for k in elastic]
     names = tuple(c.name for c in reduced)
+    shares = np.array([share for share, _ in rows]).reshape(len(rows), len(names))
     skipped = tuple(c.name for c in system.components if c.name not in names)
-    return ErrorEstimate(modes.frequency_hz[elastic], names, np.array(columns).T, skipped)
+    return ErrorEstimate(modes.frequency_hz[modes.n_rigid :], names, shares, np.array([m for _, m in rows], dtype=bool), skipped)
+
+
+def _mode_error(k: int, w2: FloatArray, products: list[FloatArray], factors: FloatArray) -> tuple[FloatArray, bool]:
+    """(n_components,) shares of one mode's relative frequency error, and whether close modes had to be solved with it."""
+    if not np.isfinite(factors).all():
+        return np.where(np.isfinite(factors), 0.0, np.inf), False
+    own = np.array([f * g[k, k] for f, g in zip(factors, products, strict=True)])
+    energy = sum(f * g for f, g in zip(factors, products, strict=True))
+    drop, above = float(own.sum()), np.arange(w2.size) > k
+    gap = np.maximum(abs(w2 - w2[k]), np.finfo(float).eps * w2[-1])
+    pushed = np.where(above, energy[:, k] ** 2 / gap, 0.0).sum()  # by the modes above, to second order
+    crossed = (w2 - np.diagonal(energy))[above] < w2[k] - drop
+    mixed = bool(pushed > MIXING * drop > 0 or crossed.any())
+    if mixed:
+        lowest = la.eigh(np.diag(w2) - energy, eigvals_only=True, subset_by_index=(k, k))[0]
+        drop = max(drop, float(w2[k] - lowest))
+    else:
+        drop += float(pushed)
+    error = np.inf if drop >= w2[k] else drop / w2[k] / (1 - drop / w2[k] + np.sqrt(1 - drop / w2[k]))
+    return own * (error / own.sum() if own.sum() > 0 else 0.0), mixed

@@ -61,10 +61,13 @@ def _report(values: dict[str, Any]) -> ReductionReport:
     wrong = [f.name for f in fields(ReductionReport) if f.name in values and not _fits(values[f.name], str(f.type))]
     if wrong:
         raise ModelError(f"the reduction's report has unusable values of {', '.join(wrong)}")
-    return ReductionReport(**values)
+    given: dict[str, Any] = {name: tuple(v) if isinstance(v, list) else v for name, v in values.items()}
+    return ReductionReport(**given)
 
 
 def _fits(value: Any, kind: str) -> bool:
     if value is None:
         return "None" in kind
+    if kind.startswith("tuple"):
+        return isinstance(value, list) and all(map(is_number, value))
     return isinstance(value, str) if kind == "str" else isinstance(value, bool) if kind == "bool" else is_number(value)
