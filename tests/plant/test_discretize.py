@@ -10,7 +10,7 @@ import pytest
 import scipy.linalg
 
 from flexplant.errors import InputError
-from flexplant.plant.discretize import discretize, mode_transitions, step_of
+from flexplant.plant.discretize import discretize, mode_transitions, stacked_expm, step_of
 from flexplant.plant.modal import ModalPlant
 from flexplant.plant.state_space import StateSpace, state_space
 
@@ -132,3 +132,13 @@ def test_mode_transitions_in_extended_precision(zeta):
             series = series @ series
         found = mode_transitions(np.array([omega]), np.array([zeta]), dt)[0] * np.array([[1, s / dt], [dt / s, 1]])
         assert float(abs(series - found).max()) < 4e-16 * max(4, omega * dt) * (1 + zeta)
+
+
+def test_many_small_exponentials_at_once():
+    """Against scipy one by one, from tiny norms to ones that are halved many times; a nilpotent matrix is exact."""
+    rng = np.random.default_rng(0)
+    matrices = rng.normal(size=(60, 5, 5)) * np.logspace(-9, 1, 60)[:, None, None]
+    expected = np.array([scipy.linalg.expm(matrix) for matrix in matrices])
+    assert (abs(stacked_expm(matrices) - expected).max(axis=(1, 2)) <= 1e-12 * abs(expected).max(axis=(1, 2))).all()
+    assert np.array_equal(stacked_expm(np.diag([1.0, 1.0], 1)[None])[0], [[1, 1, 0.5], [0, 1, 1], [0, 0, 1]])
+    assert stacked_expm(np.zeros((0, 4, 4))).shape == (0, 4, 4)

@@ -10,7 +10,7 @@ import scipy.linalg
 from flexplant.errors import InputError
 from flexplant.loop.cascade import Cascade
 from flexplant.model.arrays import FloatArray
-from flexplant.plant.discretize import Step, mode_steps, step_of
+from flexplant.plant.discretize import Step, mode_steps, stacked_expm, step_of
 from flexplant.plant.state_space import StateSpace
 
 
@@ -90,7 +90,7 @@ def _through_modes(cascade: Cascade, dt: float) -> tuple[FloatArray, FloatArray]
     matrix[:, 1, 2] = matrix[:, 2, 3] = 1.0
     matrix[:, 4:, :2] = np.moveaxis(coupling, 0, 1) / size[:, None, None]
     matrix[:, 4:, 4:] = A * dt
-    gained = scipy.linalg.expm(matrix)[:, 4:, :4] * size[:, None, None] * scale[None, :, None]
+    gained = stacked_expm(matrix)[:, 4:, :4] * size[:, None, None] * scale[None, :, None]
     gained = np.moveaxis(gained, 0, 1)
     transition = np.hstack([gained[:, :, 0] * s, gained[:, :, 1] * dt])
     return transition, gained[:, :, 2:] * dt**2
