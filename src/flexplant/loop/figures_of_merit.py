@@ -37,6 +37,8 @@ def loop_figures(los: LineOfSight) -> list[LoopFigures]:
 
     Raises InputError for a loop gain that never reaches one (no crossover), where these figures mean nothing.
     """
+    if not isinstance(los, LineOfSight):
+        raise InputError(f"loop_figures needs a LineOfSight, got {type(los).__name__}; loop_response takes any Diagram")
     return [_axis_figures(_one_axis(los, k)) for k in range(len(los.axes))]
 
 

@@ -14,7 +14,7 @@ from flexplant.loop.close import close
 from flexplant.loop.diagram import Diagram
 from flexplant.loop.frequency import ComplexArray, Linear, frequency_response
 from flexplant.loop.unstable import refuse_unstable
-from flexplant.model.arrays import FloatArray
+from flexplant.model.arrays import FloatArray, real_values
 from flexplant.plant.modal import ModalPlant
 from flexplant.plant.state_space import Descriptor, StateSpace
 from flexplant.response.band_variance import band_variance, poles_and_residues
@@ -41,6 +41,8 @@ def random_response(system: Linear, psd: Spectra, frequency_hz: npt.ArrayLike, *
     Raises InputError for frequencies that do not ascend, unknown inputs, spectra that are negative or not Hermitian, and for an
     unstable system, naming a pole.
     """
+    if not isinstance(system, Diagram | ModalPlant | StateSpace | Descriptor):
+        raise InputError(f"random_response needs a plant, a block or a Diagram, got {type(system).__name__}")
     hz = checked_frequencies(frequency_hz)
     if hz.size < 2 or (np.diff(hz) <= 0).any():
         raise InputError("random_response: frequency_hz must ascend and have at least two values; sort it and drop equal ones")
@@ -126,12 +128,12 @@ def _diagonal(psd: Mapping[str, Any], names: list[str], hz: FloatArray) -> Float
 
 def _spectrum(given: Any, name: str, hz: FloatArray) -> FloatArray:
     if isinstance(given, tuple):
-        table: list[FloatArray] = [np.asarray(part, dtype=float) for part in given]
+        table: list[FloatArray] = [real_values(part, f"input {name!r}: table") for part in given]
         if len(table) != 2 or table[0].ndim != 1 or table[0].shape != table[1].shape or (np.diff(table[0]) <= 0).any():
             raise InputError(f"input {name!r}: a table is a pair (hz, values) of equal length, hz ascending")
         values = np.asarray(np.interp(hz, table[0], table[1], left=0.0, right=0.0))
     else:
-        values = np.asarray(given, dtype=float)
+        values = real_values(given, f"input {name!r}: PSD")
     if values.shape not in ((), hz.shape):
         raise InputError(f"input {name!r}: PSD of shape {values.shape}; one number, {hz.shape} values, or a pair (hz, values)")
     if not np.isfinite(values).all() or (values < 0).any():
@@ -141,7 +143,10 @@ def _spectrum(given: Any, name: str, hz: FloatArray) -> FloatArray:
 
 def _cross(psd: Any, names: list[str], hz: FloatArray) -> ComplexArray:
     """(nu, nu, nf) cross-spectra, checked: Hermitian and not negative at every frequency."""
-    given = np.asarray(psd, dtype=complex)
+    try:
+        given = np.asarray(psd, dtype=complex)
+    except (TypeError, ValueError):
+        raise InputError("random_response: psd is neither a mapping of inputs nor an array of cross-spectra") from None
     nu = len(names)
     if given.shape != (nu, nu, hz.size):
         raise InputError(f"random_response: cross-spectra of shape {given.shape}, but {(nu, nu, hz.size)} is needed")

@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from flexplant.errors import InputError
+from flexplant.model.arrays import is_number
 
 ComplexArray: TypeAlias = npt.NDArray[np.complex128]
 WELL_CONDITIONED = 1e6
@@ -32,7 +33,7 @@ class GainSweep:
 
     def __post_init__(self) -> None:
         for name in ("G_zw", "G_zu", "G_yw", "G_yu"):
-            object.__setattr__(self, name, np.asarray(getattr(self, name), dtype=np.complex128))
+            object.__setattr__(self, name, _response(getattr(self, name), name))
         (nz, nw, nf), r = self.G_zw.shape, self.G_yu.shape[0]
         wanted = {"G_zu": (nz, r, nf), "G_yw": (r, nw, nf), "G_yu": (r, r, nf)}
         for name, shape in wanted.items():
@@ -52,10 +53,31 @@ class GainSweep:
         object.__setattr__(self, "_values", np.ascontiguousarray(values.reshape(r, nf)))
 
     def __call__(self, gain: float, out: ComplexArray | None = None) -> ComplexArray:
-        """(nz, nw, nf) closed-loop response at one gain, written into `out` where it is given."""
+        """(nz, nw, nf) closed-loop response at one gain, written into `out` where it is given.
+
+        Raises InputError for a gain that is not a finite number or puts a pole on the axis at one of the frequencies.
+        """
+        if not (is_number(gain) and np.isfinite(gain)):
+            raise InputError(f"gain sweep: the gain must be a finite number, got {gain!r}")
         out = np.empty_like(self.G_zw) if out is None else out
+        if out.shape != self.G_zw.shape:
+            raise InputError(f"gain sweep: out has shape {out.shape}, but {self.G_zw.shape} is needed")
         out[:] = self.G_zw
         if gain:
             for product, value in zip(self._products, self._values, strict=True):
-                out += product * (gain / (1 - gain * value))
+                rest = 1 - gain * value
+                if not rest.all():
+                    k = int(np.flatnonzero(rest == 0)[0])
+                    raise InputError(f"gain sweep: at gain {gain:.6g} the closed loop has a pole exactly at frequency number {k}")
+                out += product * (gain / rest)
         return out
+
+
+def _response(values: npt.ArrayLike, name: str) -> ComplexArray:
+    try:
+        out = np.asarray(values, dtype=np.complex128)
+    except (TypeError, ValueError):
+        raise InputError(f"gain sweep: {name} is not an array of numbers") from None
+    if out.ndim != 3 or not np.isfinite(out).all():
+        raise InputError(f"gain sweep: {name} of shape {out.shape}; a finite response (outputs, inputs, frequencies) is needed")
+    return out

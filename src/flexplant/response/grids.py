@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from flexplant.errors import InputError
-from flexplant.model.arrays import FloatArray
+from flexplant.model.arrays import FloatArray, is_number
 from flexplant.plant.modal import ModalPlant
 from flexplant.plant.state_space import StateSpace, state_space
 
@@ -28,10 +28,11 @@ def adaptive_grid(
     An undamped mode is bracketed, never hit.
     Raises InputError for bounds that are not 0 < low < high, or fewer than 3 points a mode.
     """
-    if not (np.isfinite([low_hz, high_hz]).all() and 0 < low_hz < high_hz):
+    if not (is_number(low_hz) and is_number(high_hz) and 0 < low_hz < high_hz < np.inf):
         raise InputError(f"adaptive_grid: low_hz = {low_hz!r}, high_hz = {high_hz!r}; give 0 < low < high")
-    if per_mode < 3 or per_decade < 1:
-        raise InputError(f"adaptive_grid: per_mode = {per_mode!r} (at least 3), per_decade = {per_decade!r} (at least 1)")
+    if not (is_number(per_mode) and is_number(per_decade) and per_mode >= 3 and per_decade >= 1 and per_mode == int(per_mode)):
+        raise InputError(f"adaptive_grid: per_mode = {per_mode!r} (whole, at least 3), per_decade = {per_decade!r} (at least 1)")
+    per_mode = int(per_mode)
     size, decay = _poles(plant)
     resonance = np.sqrt(np.maximum(size**2 - 2 * decay**2, 0.0)) / (2 * np.pi)
     width = np.maximum(decay / (2 * np.pi), SHARPEST * resonance)

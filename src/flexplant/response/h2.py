@@ -6,7 +6,7 @@ import numpy as np
 import scipy.linalg
 
 from flexplant.errors import InputError
-from flexplant.model.arrays import FloatArray
+from flexplant.model.arrays import FloatArray, real_values
 from flexplant.plant.modal import ModalPlant
 from flexplant.plant.state_space import Descriptor, StateSpace, output_rows, state_space
 
@@ -28,12 +28,21 @@ def white_noise_rms(plant: ModalPlant | StateSpace | Descriptor, intensity: Floa
     A one-sided PSD of g per Hz on an input is W = g / 2. Modal plants with modal damping: the stationary covariance of every
     pair of modes in closed form, D = d_i + d_j, d = 2 zeta omega, Delta = omega_i^2 - omega_j^2, S = b_i W b_j^T:
         E[eta_i eta_j] = S D / (Delta^2 + D (omega_j^2 d_i + omega_i^2 d_j)).
-    Others: a Lyapunov equation. inf for an output whose RMS does not exist. InputError for a W of another shape.
+    Others: a Lyapunov equation. inf for an output whose RMS does not exist. InputError for another type, or a W of another shape
+    that is not a covariance.
     """
+    if not isinstance(plant, ModalPlant | StateSpace | Descriptor):
+        name = type(plant).__name__
+        raise InputError(
+            f"white noise: a ModalPlant, StateSpace or Descriptor is needed, got {name} (close() makes one of a Diagram)"
+        )
     nu = len(plant.inputs)
-    W = np.eye(nu) if intensity is None else np.asarray(intensity, dtype=float)
+    W = np.eye(nu) if intensity is None else real_values(intensity, "white noise intensity")
     if W.shape != (nu, nu) or not np.isfinite(W).all():
         raise InputError(f"white noise intensity of shape {W.shape}; a finite ({nu}, {nu}) matrix is needed")
+    size = abs(W).max(initial=0.0)
+    if abs(W - W.T).max(initial=0.0) > 1e-10 * size or np.linalg.eigvalsh(W).min(initial=0.0) < -1e-10 * size:
+        raise InputError("white noise intensity must be symmetric and not negative, as a covariance is")
     if isinstance(plant, ModalPlant) and plant.damping is None:
         return _modal_rms(plant, W)
     return _dense_rms(state_space(plant), W)

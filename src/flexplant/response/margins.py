@@ -9,7 +9,7 @@ import numpy.typing as npt
 import scipy.linalg
 
 from flexplant.errors import InputError
-from flexplant.model.arrays import FloatArray
+from flexplant.model.arrays import FloatArray, is_number
 from flexplant.plant.modal import ModalPlant
 from flexplant.plant.state_space import StateSpace, channels_of, state_space
 from flexplant.response.level import Gain, on_axis, sign_changes
@@ -95,16 +95,18 @@ def margins(loop_gain: StateSpace | ModalPlant) -> Margins:
     return Margins(_is_stable(S), loops, _disk_margin(S), hinf_norm(S), hinf_norm(T))
 
 
-def sensitivity(loop_gain: StateSpace) -> StateSpace:
+def sensitivity(loop_gain: StateSpace | ModalPlant) -> StateSpace:
     """S = (I + L)^-1, from r to r - y; InputError where the loop is not well posed."""
-    A, B, C, inverse = _closed(loop_gain)
-    return StateSpace(A, B, -C, inverse, dt=loop_gain.dt, **channels_of(loop_gain))
+    L = state_space(loop_gain)
+    A, B, C, inverse = _closed(L)
+    return StateSpace(A, B, -C, inverse, dt=L.dt, **channels_of(L))
 
 
-def complementary_sensitivity(loop_gain: StateSpace) -> StateSpace:
+def complementary_sensitivity(loop_gain: StateSpace | ModalPlant) -> StateSpace:
     """T = L (I + L)^-1, from r to y; InputError where the loop is not well posed."""
-    A, B, C, inverse = _closed(loop_gain)
-    return StateSpace(A, B, C, loop_gain.D @ inverse, dt=loop_gain.dt, **channels_of(loop_gain))
+    L = state_space(loop_gain)
+    A, B, C, inverse = _closed(L)
+    return StateSpace(A, B, C, L.D @ inverse, dt=L.dt, **channels_of(L))
 
 
 def _closed(L: StateSpace) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
@@ -206,7 +208,7 @@ def disk_margin_of(peak: HinfNorm) -> DiskMargin:
 
 def crossing_hz(plant: StateSpace | ModalPlant, level_db: float) -> FloatArray:
     """Ascending frequencies (Hz) where the gain (largest singular value) passes through level_db, every one of them."""
-    if not np.isfinite(level_db):
+    if not (is_number(level_db) and np.isfinite(level_db)):
         raise InputError(f"crossing_hz: level_db must be finite, got {level_db!r}")
     gain = Gain(state_space(plant))
     return gain.hz(gain.crossings(10 ** (level_db / 20)))
@@ -217,7 +219,7 @@ def bandwidth_hz(plant: StateSpace | ModalPlant, level_db: float = HALF_POWER_DB
 
     Raises InputError for a level that is not negative, and for a plant without a finite, nonzero gain at 0 Hz.
     """
-    if not -np.inf < level_db < 0:
+    if not (is_number(level_db) and -np.inf < level_db < 0):
         raise InputError(f"bandwidth_hz: level_db must be negative and finite, got {level_db!r}")
     gain = Gain(state_space(plant))
     static = float(gain(0.0)[0])

@@ -46,6 +46,9 @@ def singular_values(plant: Plant | xr.DataArray, frequency_hz: npt.ArrayLike | N
     Raises InputError for frequencies that are missing or bad, and for arrays with other dims.
     """
     if not isinstance(plant, xr.DataArray):
+        if not isinstance(plant, ModalPlant | StateSpace | Descriptor):
+            name = type(plant).__name__
+            raise InputError(f"singular_values needs a plant, or a response from frequency_response (diagrams too), got {name}")
         if frequency_hz is None:
             raise InputError("singular_values of a plant needs frequency_hz")
         plant = frequency_response(plant, frequency_hz)
@@ -103,7 +106,8 @@ def _modal_norm(plant: ModalPlant, tolerance: float) -> HinfNorm:
     if _sees_rigid(plant, rigid):
         return _infinite(0.0, "rigid-body modes (0 Hz) move the outputs without bound")
     if seen:
-        return _infinite(float(plant.frequency_hz[seen[0]]), f"mode {seen[0]} (counted from 0) has no damping")
+        hz = float(plant.frequency_hz[seen[0]])
+        return _infinite(hz, f"mode {seen[0]} (counted from 0) at {hz:.6g} Hz has no damping")
     return _by_intervals(_without(plant, undamped), tolerance)
 
 
