@@ -34,6 +34,27 @@ def test_the_written_component_has_the_modes_of_the_model(model, tmp_path):
     np.testing.assert_allclose(reduced, full, rtol=1e-9, atol=1e-9)
 
 
+@pytest.mark.parametrize("how", [("--accuracy", 1e-6), ("--size", 4)])
+def test_what_was_chosen_and_its_bound_are_told(model, tmp_path, how):
+    out = tmp_path / "reduced.npz"
+    result = call(model, "--boundary", f"1,{N}:1", "--max-frequency", 15, *how, "-o", out)
+    assert result.exit_code == 0, result.output
+    assert "frequency error below 15 Hz at most" in result.stdout
+    full, reduced = (fp.normal_modes(m).frequency_hz for m in (fp.read_model(model), fp.read_component(out)))
+    low = full[(full > 0.1) & (full < 15)]
+    assert low.size > 1
+    written = fp.read_component(out)
+    assert (reduced[1 : 1 + low.size] / low - 1).max() <= written.report.verified
+    assert written.n_modal <= N - 2
+
+
+@pytest.mark.parametrize("option", ["--residual-vectors", "--ritz"])
+def test_blocks_of_residual_vectors(model, tmp_path, option):
+    out = tmp_path / "reduced.npz"
+    assert call(model, "--boundary", f"1,{N}:1", "--modes", 1, option, 2, "-o", out).exit_code == 0
+    assert fp.read_component(out).n_modal == 5
+
+
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
@@ -43,6 +64,12 @@ def test_the_written_component_has_the_modes_of_the_model(model, tmp_path):
         (("--boundary", " ", "--modes", 2), "boundary"),
         (("--boundary", "1:1"), "max_frequency_hz"),
         (("--boundary", "1:1", "--modes", 50), "50"),
+        (("--boundary", "1:1", "--accuracy", 1e-6), "max_frequency_hz"),
+        (("--boundary", "1:1", "--accuracy", 3, "--max-frequency", 5), "between 0 and 1"),
+        (("--boundary", "1:1", "--accuracy", 1e-3, "--modes", 2, "--max-frequency", 5), "not n_modes"),
+        (("--boundary", "1:1", "--size", 0, "--max-frequency", 30), "size 0 is too small"),
+        (("--boundary", "1:1", "--size", 4), "max_frequency_hz"),
+        (("--boundary", "1:1", "--size", 4, "--max-frequency", 5, "--residual-vectors", 1), "residual_vectors"),
     ],
 )
 def test_mistakes_are_one_line_and_nothing_is_written(model, tmp_path, arguments, words):

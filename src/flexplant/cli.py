@@ -187,7 +187,13 @@ def reduce(
     output: Annotated[Path, typer.Option("--output", "-o", help="Component file to write (.npz or .h5).")],
     max_frequency: Annotated[float | None, typer.Option(help="Fixed-interface modes up to here, Hz.")] = None,
     modes: Annotated[int | None, typer.Option(help="Or this many of them.")] = None,
-    ritz: Annotated[int, typer.Option(help="Blocks of load-dependent Ritz vectors beside the modes.")] = 0,
+    residual_vectors: Annotated[
+        int, typer.Option("--residual-vectors", "--ritz", help="Blocks of load-dependent Ritz vectors beside the modes.")
+    ] = 0,
+    accuracy: Annotated[float | None, typer.Option(help="Instead: relative frequency error up to --max-frequency.")] = None,
+    size: Annotated[
+        int | None, typer.Option(help="Instead: modal coordinates to spend on frequencies up to --max-frequency.")
+    ] = None,
     geometry: Annotated[Path | None, typer.Option(help="Deck with the node positions that the model lacks.")] = None,
     name: Annotated[str | None, typer.Option(help="Name of the component; left out: that of the model's file.")] = None,
     format: Format = None,  # noqa: A002
@@ -206,10 +212,11 @@ def reduce(
     chosen_writer("write_component", output)
     options: dict[str, Any] = {} if geometry is None else {"geometry": geometry}
     full = read_model(model, format=format, units=units, name=name, **options)
-    how: dict[str, Any] = {"max_frequency_hz": max_frequency, "n_modes": modes, "residual_vectors": ritz}
-    component = craig_bampton(full, parse_boundary(boundary), **how)
+    how: dict[str, Any] = {"max_frequency_hz": max_frequency, "n_modes": modes, "residual_vectors": residual_vectors}
+    component = craig_bampton(full, parse_boundary(boundary), **how, accuracy=accuracy, size=size)
     typer.echo(component_text(component, check_component(component)))
-    typer.echo(f"\nreduced {len(full.dofs)} DOF to {component.n}; wrote {write_component(component, output)}")
+    typer.echo(f"\n{component.report}")
+    typer.echo(f"reduced {len(full.dofs)} DOF to {component.n}; wrote {write_component(component, output)}")
 
 
 @app.command(epilog="Example: flexplant couple bus.op4 optic.op4 --connect bus:optic:3,11,19,27 -o system.npz")
