@@ -110,13 +110,6 @@ def _kept(plant: ModalPlant, which: npt.NDArray[Any]) -> ModalPlant:
     )
 
 
-def largest_modes(plant: ModalPlant, count: int) -> tuple[ModalPlant, float]:
-    """The `count` modes of largest peak gain, ascending, and the sum of the other modes' peak gains."""
-    gains = peak_gains(plant)
-    order = np.argsort(-gains, kind="stable")
-    return _kept(plant, np.sort(order[:count])), float(gains[order[count:]].sum())
-
-
 def reduce_modes(
     plant: ModalPlant,
     *,
