@@ -1,18 +1,15 @@
-"""Frequency response of state-space and descriptor plants."""
+"""Frequency response of state-space plants."""
 
 from __future__ import annotations
 
-from typing import Any, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 import numpy.typing as npt
 import scipy.linalg
-import scipy.sparse as sp
-from scipy.sparse.linalg import splu
 
 from flexplant.errors import InputError
-from flexplant.model.arrays import FloatArray, dense
-from flexplant.plant.state_space import Descriptor, StateSpace
+from flexplant.plant.state_space import StateSpace
 
 ComplexArray: TypeAlias = npt.NDArray[np.complex128]
 BLOCK = 256
@@ -80,43 +77,3 @@ def _triangular(T: ComplexArray, left: ComplexArray, right: ComplexArray, s: Com
         x[:start] += T[:start, start:stop] @ x[start:stop]
     out: ComplexArray = (right @ x).reshape(right.shape[0], nu, s.size)
     return out
-
-
-def descriptor_response(system: Descriptor, hz: FloatArray) -> ComplexArray:
-    """(ny, nu, nf): C (s E - A)^-1 B + D, one sparse LU a frequency, rows and columns scaled, one step of refinement."""
-    out = np.empty((len(system.outputs), len(system.inputs), hz.size), dtype=complex)
-    B = dense(system.B).astype(complex)
-    for k, s in enumerate(2j * np.pi * hz):
-        out[:, :, k] = system.C @ _solved(system, sp.csr_array(s * system.E - system.A), B, hz[k]) + system.D
-    return out
-
-
-def _solved(system: Descriptor, pencil: sp.csr_array, right: ComplexArray, hz: float) -> Any:
-    r, c = _scaling(pencil)
-    scaled = sp.csc_array(sp.diags_array(r) @ pencil @ sp.diags_array(c))
-    try:
-        factor = splu(scaled)
-    except RuntimeError:
-        raise InputError(
-            f"descriptor {system.name!r} is singular at {hz:.9g} Hz: an undamped pole (0 Hz: a rigid-body mode or a multiplier "
-            "state); leave this frequency out"
-        ) from None
-    b = r[:, None] * right
-    x = factor.solve(b)
-    x += factor.solve(b - scaled @ x)
-    return c[:, None] * x
-
-
-def _scaling(matrix: sp.csr_array) -> tuple[FloatArray, FloatArray]:
-    """Row and column factors that bring the largest entries near one (two sweeps)."""
-    size = abs(matrix)
-    r, c = np.ones(size.shape[0]), np.ones(size.shape[1])
-    for _ in range(2):
-        r /= np.sqrt(_largest(sp.diags_array(r) @ size @ sp.diags_array(c), 1))
-        c /= np.sqrt(_largest(sp.diags_array(r) @ size @ sp.diags_array(c), 0))
-    return r, c
-
-
-def _largest(matrix: Any, axis: int) -> FloatArray:
-    found = sp.csr_array(matrix).max(axis=axis).toarray().ravel()
-    return np.where(found > 0, found, 1.0)

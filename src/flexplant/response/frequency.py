@@ -13,7 +13,8 @@ from flexplant.errors import InputError
 from flexplant.model.arrays import FloatArray, real_values
 from flexplant.plant.modal import ModalPlant
 from flexplant.plant.state_space import Descriptor, StateSpace
-from flexplant.response.first_order import TransferFunction, descriptor_response
+from flexplant.response.descriptor import DescriptorResponse
+from flexplant.response.first_order import TransferFunction
 from flexplant.response.modal_sum import ModalResponse
 
 Plant: TypeAlias = ModalPlant | StateSpace | Descriptor
@@ -26,10 +27,10 @@ def frequency_response(plant: Plant, frequency_hz: npt.ArrayLike, *, out: Comple
 
     Modal plants: sum over modes in real arithmetic, or the pole-residue form of the fully damped system. State space: poles
     and residues where the eigenvectors are well conditioned, a Schur form otherwise; discrete plants at z = exp(2 pi i f dt).
-    Descriptors: one sparse factorisation a frequency. out: C-contiguous complex128 memory (ny, nu, nf) to write into: a large
-    result costs less where its memory is used again. Raises InputError for frequencies that are negative, NaN, descending or
-    none, for `out` of another shape, and for a frequency that lies exactly on an undamped pole (at 0 Hz: on a rigid-body mode
-    that the outputs see), naming the mode.
+    Descriptors: one sparse factorisation a frequency, its symbolic part done once (see `DescriptorResponse`).
+    out: C-contiguous complex128 memory (ny, nu, nf) to write into: a large result costs less where its memory is used again.
+    Raises InputError for frequencies that are negative, NaN, descending or none, for `out` of another shape, and for a
+    frequency that lies exactly on an undamped pole (at 0 Hz: on a rigid-body mode that the outputs see), naming the mode.
     """
     hz, evaluate = checked_frequencies(frequency_hz), _evaluator(plant)
     return _labelled(plant, hz, evaluate(hz, checked_memory(out, (len(plant.outputs), len(plant.inputs), hz.size))))
@@ -63,7 +64,8 @@ def _evaluator(plant: Plant) -> Callable[[FloatArray, ComplexArray | None], Comp
         transfer, dt = TransferFunction(plant), plant.dt
         return lambda hz, out: written(transfer(np.asarray(2j * np.pi * hz if dt is None else np.exp(2j * np.pi * hz * dt))), out)
     if isinstance(plant, Descriptor):
-        return lambda hz, out: written(descriptor_response(plant, hz), out)
+        solved = DescriptorResponse(plant)
+        return lambda hz, out: written(solved(hz), out)
     raise InputError(f"frequency_response needs a ModalPlant, StateSpace or Descriptor, got {type(plant).__name__}")
 
 
