@@ -1,18 +1,30 @@
-"""Reduce generated meshes to 60 modes + 60 constraint modes, against scipy's eigsh, one thread each.
+"""Reduce generated meshes to 60 modes + 60 constraint modes, against scipy's eigsh and exudyn, one thread each.
 
-Run from the repository's root:  python benchmarks/bench_reduction.py [--large] [--quick] [--rounds 2] [case ...]
+Run from the repository's root:
+  python benchmarks/bench_reduction.py [--quick] [--large] [--superlu-estimate] [--rounds 2] [--fresh] [--plot] [case ...]
 
 Methods, alternating, each run in its own process so that its peak memory is its own:
-  flexplant      craig_bampton(n_modes=60)
-  eigsh+factor   scipy eigsh on the same kind of factor (flexplant's best, as OPinv), constraint modes by that factor
-  eigsh          scipy eigsh(sigma=0) as a user calls it (SuperLU), constraint modes by one more splu
+  flexplant        craig_bampton(n_modes=60, verify_count=False): the same work as the next
+  eigsh+factor     scipy eigsh on the same factor (flexplant's best, as OPinv), constraint modes by that factor; tolerance 1e-6,
+                   at which it takes the fewest solutions it ever takes and its residual is about flexplant's
+  flexplant+count  verify_count=True: the modes are proved complete, by one more factorisation
+  eigsh            scipy eigsh(sigma=0) as a user calls it (SuperLU), constraint modes by one more splu
+  superlu          one such factor and a few solutions, where the above takes too long: its time is estimated from them
+  exudyn           exudyn's own Craig-Bampton modes, ComputeHurtyCraigBamptonModes (solids, where it is installed)
 CPU seconds are printed beside wall seconds: on a shared machine they carry less noise. The residual is the largest
-|K x - w^2 M x| / |K x| of the 60 modes. Memory is what the process took at its peak beyond the model itself.
+|K x - w^2 M x| / |K x| of the 60 modes. Memory is what the process took at its peak beyond the model itself. "rest" is the ratio
+without the analysis and factor that flexplant and eigsh+factor have in common.
+
+Every finished run is kept in benchmarks/results/reduction.json, with date and versions, and not repeated; --fresh forgets those
+of the cases asked for. --plot draws docs/reduction-cost.svg from what is kept.
 """
 
 from __future__ import annotations
 
 import argparse
+import datetime
+import importlib.metadata
+import importlib.util
 import json
 import os
 import resource
@@ -20,38 +32,52 @@ import statistics
 import subprocess
 import sys
 import time
+from pathlib import Path
 
 CASES = {
     "small500": ("solid", (6, 5, 3)),
     "solid30k": ("solid", (24, 20, 18)),
+    "shell30k": ("shell", (71, 70)),
     "shell101k": ("shell", (130, 129)),
     "solid103k": ("solid", (36, 32, 27)),
     "shell300k": ("shell", (224, 223)),
     "solid300k": ("solid", (54, 45, 38)),
     "shell1M": ("shell", (409, 408)),
 }
-DEFAULT, LARGE = ("small500", "solid30k", "shell101k", "solid103k"), ("shell300k", "solid300k", "shell1M")
-SUPERLU_TOO_SLOW = {"solid103k", *LARGE}
+DEFAULT, LARGE = ("small500", "solid30k", "shell30k", "shell101k", "solid103k"), ("shell300k", "solid300k", "shell1M")
+SUPERLU_TOO_SLOW = {"solid103k"}
 N_MODES = N_BOUNDARY = 60
-
-
-def flexplant_job(model, boundary):
-    import flexplant as fp
-
-    component = fp.craig_bampton(model, boundary, n_modes=count(model), error_estimate=False, threads=1, keep_basis=True)
-    n_b = component.n_boundary
-    return component.stiffness.diagonal()[n_b:], component.basis[:, n_b:], True
+TOLERANCE = 1e-6
+SMALL_REPEATS = 20  # of milliseconds
+RESULTS = Path(__file__).parent / "results" / "reduction.json"
+PLOT = Path(__file__).parents[1] / "docs" / "reduction-cost.svg"
 
 
 def count(model) -> int:
     return min(N_MODES, len(model.dofs) // 20)
 
 
-def held(model, boundary):
+def flexplant_job(model, boundary, verify_count=False):
+    import flexplant as fp
+
+    options = {"error_estimate": False, "threads": 1, "keep_basis": True, "verify_count": verify_count}
+    component = fp.craig_bampton(model, boundary, n_modes=count(model), **options)
+    n_b, rows = component.n_boundary, held_rows(model, boundary)
+    return component.stiffness.diagonal()[n_b:], component.basis[rows, n_b:], {"proved": component.report.proved}
+
+
+def counted_job(model, boundary):
+    return flexplant_job(model, boundary, verify_count=True)
+
+
+def held_rows(model, boundary):
     import numpy as np
 
-    b = model.dofs.rows(boundary)
-    i = np.setdiff1d(np.arange(len(model.dofs)), b)
+    return np.setdiff1d(np.arange(len(model.dofs)), model.dofs.rows(boundary))
+
+
+def held(model, boundary):
+    b, i = model.dofs.rows(boundary), held_rows(model, boundary)
     return b, i, model.stiffness[i][:, i].tocsc(), model.mass[i][:, i].tocsc(), model.stiffness[i][:, b].toarray()
 
 
@@ -61,31 +87,77 @@ def eigsh_job(model, boundary):
     _, _, k, m, kib = held(model, boundary)
     values, vectors = eigsh(k, count(model), m, sigma=0)
     splu(k).solve(-kib)
-    return values, vectors, False
+    return values, vectors, {}
 
 
 def eigsh_factor_job(model, boundary):
     from scipy.sparse.linalg import LinearOperator, eigsh
 
+    from flexplant.numerics.completion import completed
     from flexplant.numerics.factorization import factorize
 
-    _, _, k, m, kib = held(model, boundary)
-    factor = factorize(k, threads=1)
+    _, i, k, m, kib = held(model, boundary)
+    start = time.process_time()
+    factor = factorize(completed(k, model.dofs.node[i]) if i.size > 20_000 else k, threads=1)
+    extra = {"factor": time.process_time() - start, "solves": 0}
     factor.solve(-kib)
-    values, vectors = eigsh(k, count(model), m, sigma=0, OPinv=LinearOperator(k.shape, factor.solve, dtype=float))
-    return values, vectors, False
+
+    def solve(b):
+        extra["solves"] += 1
+        return factor.solve(b)
+
+    inverse = LinearOperator(k.shape, solve, dtype=float)
+    values, vectors = eigsh(k, count(model), m, sigma=0, OPinv=inverse, tol=TOLERANCE)
+    return values, vectors, extra
 
 
-JOBS = {"flexplant": flexplant_job, "eigsh+factor": eigsh_factor_job, "eigsh": eigsh_job}
+def superlu_job(model, boundary):
+    """eigsh(sigma=0) factors with splu's defaults and solves column by column."""
+    import numpy as np
+    from scipy.sparse.linalg import splu
+
+    _, _, k, _, kib = held(model, boundary)
+    start = time.process_time()
+    factor = splu(k)
+    spent = [time.process_time() - start]
+    for right_side in (np.ones(k.shape[0]), np.arange(float(k.shape[0])), -kib):
+        start = time.process_time()
+        factor.solve(right_side)
+        spent.append(time.process_time() - start)
+    return None, None, {"factor": spent[0], "one": min(spent[1:3]), "many": spent[3], "fill": int(factor.nnz)}
 
 
-def residual(model, boundary, values, vectors, whole: bool) -> float:
+def exudyn_job(model, boundary):
+    import numpy as np
+    import scipy.sparse as sp
+    from exudyn.FEM import FEMinterface, HCBstaticModeSelection
+
+    fem = FEMinterface()
+    fem.nodes = {"Position": np.array(model.nodes.positions)}
+    fem.massMatrix, fem.stiffnessMatrix = sp.csr_matrix(model.mass), sp.csr_matrix(model.stiffness)
+    nodes = sorted({node - 1 for node, _ in boundary})
+    every = HCBstaticModeSelection.allBoundaryNodes
+    fem.ComputeHurtyCraigBamptonModes([nodes], count(model), useSparseSolver=True, computationMode=every, timerTreshold=10**9)
+    vectors = np.asarray(fem.modeBasis["matrix"])[held_rows(model, boundary), -count(model) :]
+    return (2 * np.pi * np.asarray(fem.GetEigenFrequenciesHz()[-count(model) :])) ** 2, vectors, {}
+
+
+JOBS = {
+    "flexplant": flexplant_job,
+    "eigsh+factor": eigsh_factor_job,
+    "flexplant+count": counted_job,
+    "eigsh": eigsh_job,
+    "superlu": superlu_job,
+    "exudyn": exudyn_job,
+}
+
+
+def residual(model, boundary, values, vectors) -> float:
     import numpy as np
 
-    _, i, k, m, _ = held(model, boundary)
-    x = vectors[i] if whole else vectors
-    force = k @ x
-    return float((np.linalg.norm(force - (m @ x) * values, axis=0) / np.linalg.norm(force, axis=0)).max())
+    _, _, k, m, _ = held(model, boundary)
+    force = k @ vectors
+    return float((np.linalg.norm(force - (m @ vectors) * values, axis=0) / np.linalg.norm(force, axis=0)).max())
 
 
 def run_job(case: str, job: str) -> None:
@@ -99,34 +171,110 @@ def run_job(case: str, job: str) -> None:
     boundary = meshes.held(model, N_BOUNDARY)
     before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     wall, cpu = time.perf_counter(), time.process_time()
-    values, vectors, whole = JOBS[job](model, boundary)
-    wall, cpu = time.perf_counter() - wall, time.process_time() - cpu
-    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before
-    result = {"dof": len(model.dofs), "wall": wall, "cpu": cpu, "peak_gb": peak / 1e6}
-    print(json.dumps(result | {"residual": residual(model, boundary, values, vectors, whole), "last": float(max(values))}))
+    repeats = SMALL_REPEATS if case.startswith("small") else 1
+    for _ in range(repeats):
+        values, vectors, extra = JOBS[job](model, boundary)
+    wall, cpu = (time.perf_counter() - wall) / repeats, (time.process_time() - cpu) / repeats
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    result = {"dof": len(model.dofs), "wall": wall, "cpu": cpu, "peak_gb": (peak - before) / 1e6, "process_gb": peak / 1e6}
+    if vectors is not None:
+        result["residual"] = residual(model, boundary, values, vectors)
+    print(json.dumps(result | extra))
 
 
 def measured(case: str, job: str) -> dict:
     capped = dict.fromkeys(("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "RAYON_NUM_THREADS"), "1")
     command = [sys.executable, __file__, "--case", case, "--job", job]
-    done = subprocess.run(command, env=os.environ | capped, capture_output=True, text=True, check=True)
-    return json.loads(done.stdout.splitlines()[-1])
+    done = subprocess.run(command, env=os.environ | capped, capture_output=True, text=True, check=False)
+    if done.returncode:
+        raise SystemExit(f"{case}, {job}: {done.stderr.strip().splitlines()[-1]}")
+    versions = {name: importlib.metadata.version(name) for name in ("flexplant", "numpy", "scipy", "rslab")}
+    now = datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds")
+    about = {"case": case, "job": job, "date": now, "load": round(os.getloadavg()[0], 1), "versions": versions}
+    return about | json.loads(done.stdout.splitlines()[-1])
 
 
-def table(case: str, rounds: int, jobs: list[str]) -> None:
-    results: dict[str, list[dict]] = {job: [] for job in jobs}
-    for _ in range(rounds):
+def kept() -> list[dict]:
+    return json.loads(RESULTS.read_text()) if RESULTS.exists() else []
+
+
+def keep(runs: list[dict]) -> None:
+    RESULTS.parent.mkdir(exist_ok=True)
+    RESULTS.write_text("[\n" + ",\n".join(json.dumps(run) for run in runs) + "\n]\n")
+
+
+def jobs_of(case: str, quick: bool, estimate: bool) -> list[str]:
+    if case in LARGE:
+        return ["flexplant"]
+    jobs = ["flexplant", "eigsh+factor", "flexplant+count"]
+    if case in SUPERLU_TOO_SLOW:
+        return [*jobs, "superlu"] if estimate else jobs
+    jobs += [] if quick else ["eigsh"]
+    return [*jobs, "exudyn"] if CASES[case][0] == "solid" and not quick and importlib.util.find_spec("exudyn") else jobs
+
+
+def run_case(case: str, rounds: int, jobs: list[str]) -> None:
+    """Run what is not kept yet, jobs in turn; a superlu run is long and made once."""
+    for number in range(rounds):
         for job in jobs:
-            results[job].append(measured(case, job))
-    own = statistics.median(r["cpu"] for r in results["flexplant"])
-    print(f"\n{case}: {results['flexplant'][0]['dof']} DOF, {rounds} round(s), load {os.getloadavg()[0]:.1f} of {os.cpu_count()}")
-    print(f"{'method':<14}{'wall s':>9}{'cpu s':>9}{'spread':>8}{'times':>7}{'residual':>10}{'peak GB':>9}")
-    for job, runs in results.items():
-        cpu = [r["cpu"] for r in runs]
-        middle, spread = statistics.median(cpu), (max(cpu) - min(cpu)) / statistics.median(cpu)
-        worst, peak = max(r["residual"] for r in runs), max(r["peak_gb"] for r in runs)
-        wall = statistics.median(r["wall"] for r in runs)
-        print(f"{job:<14}{wall:>9.2f}{middle:>9.2f}{spread:>8.0%}{middle / own:>7.1f}{worst:>10.1e}{peak:>9.2f}", flush=True)
+            have = sum(run["case"] == case and run["job"] == job for run in kept())
+            if have <= number and not (job == "superlu" and have):
+                run = measured(case, job)
+                keep([*kept(), run])
+
+
+def runs_of(case: str) -> dict[str, list[dict]]:
+    """Kept runs of a case by method; estimated ones of eigsh from a factor and a few solutions of superlu."""
+    found = {job: [run for run in kept() if run["case"] == case and run["job"] == job] for job in JOBS}
+    for run in found.pop("superlu"):
+        solves = found["eigsh+factor"][0]["solves"] if found["eigsh+factor"] else 153
+        cpu = 2 * run["factor"] + solves * run["one"] + run["many"]  # a factor for the modes, and one for the constraint modes
+        found.setdefault("eigsh (estimated)", []).append(run | {"cpu": cpu, "wall": cpu})
+    return {job: runs for job, runs in found.items() if runs}
+
+
+def middle(runs: list[dict], key: str) -> float:
+    return statistics.median(run[key] for run in runs)
+
+
+def table(case: str) -> None:
+    found = runs_of(case)
+    if "flexplant" not in found:
+        return
+    own, loads = middle(found["flexplant"], "cpu"), [run["load"] for runs in found.values() for run in runs]
+    print(f"\n{case}: {found['flexplant'][0]['dof']} DOF, load {min(loads)} to {max(loads)} of {os.cpu_count()}")
+    print(f"{'method':<18}{'runs':>5}{'wall s':>9}{'cpu s':>9}{'spread':>8}{'times':>7}{'rest':>6}{'residual':>10}{'peak GB':>9}")
+    factor = middle(found["eigsh+factor"], "factor") if "eigsh+factor" in found else 0.0
+    for job, runs in found.items():
+        cpu = middle(runs, "cpu")
+        spread = (max(r["cpu"] for r in runs) - min(r["cpu"] for r in runs)) / cpu
+        rest = f"{(cpu - factor) / (own - factor):.1f}" if job == "eigsh+factor" else ""
+        worst = f"{max(r['residual'] for r in runs):.1e}" if "residual" in runs[0] else ""
+        line = (
+            f"{job:<18}{len(runs):>5}{middle(runs, 'wall'):>9.3g}{cpu:>9.3g}{spread:>8.0%}{cpu / own:>7.2f}{rest:>6}{worst:>10}"
+        )
+        print(line + f"{max(r['peak_gb'] for r in runs):>9.2f}", flush=True)
+    if factor:
+        print(f"analysis and factor in common: {factor:.2f} s, eigsh solves {found['eigsh+factor'][0]['solves']} columns")
+
+
+def plot() -> None:
+    """Time and memory of flexplant against DOF, from the kept runs."""
+    import matplotlib.pyplot as plt
+
+    plt.rcParams["svg.hashsalt"] = "flexplant"
+    figure, axes = plt.subplots(1, 2, figsize=(8, 3.4), layout="constrained")
+    for kind, mark in (("shell", "o-"), ("solid", "s-")):
+        runs = [runs_of(case).get("flexplant") for case, (k, _) in CASES.items() if k == kind and case != "small500"]
+        points = sorted((r[0]["dof"], middle(r, "cpu"), max(x["process_gb"] for x in r)) for r in runs if r)
+        for axis, column in zip(axes, (1, 2), strict=True):
+            axis.loglog([p[0] for p in points], [p[column] for p in points], mark, label=kind)
+    for axis, title in zip(axes, ("CPU time, s", "peak memory of the process, GB"), strict=True):
+        axis.set(xlabel="DOF", title=title)
+        axis.grid(True, which="both", alpha=0.3)
+        axis.legend()
+    figure.savefig(PLOT, metadata={"Date": None})
+    print(f"wrote {PLOT.relative_to(Path.cwd()) if PLOT.is_relative_to(Path.cwd()) else PLOT}")
 
 
 def main() -> None:
@@ -134,7 +282,10 @@ def main() -> None:
     parser.add_argument("cases", nargs="*", choices=[*CASES, []], default=[], metavar="case", help=", ".join(CASES))
     parser.add_argument("--large", action="store_true", help="300k and 1M DOF too: minutes and up to 10 GB")
     parser.add_argument("--rounds", type=int, default=1)
-    parser.add_argument("--quick", action="store_true", help="without scipy's own SuperLU, which takes most of the time")
+    parser.add_argument("--quick", action="store_true", help="without SuperLU and exudyn, which take most of the time")
+    parser.add_argument("--superlu-estimate", action="store_true", help="factor solid103k by SuperLU once: ten minutes, 10 GB")
+    parser.add_argument("--fresh", action="store_true", help="forget kept runs of these cases (those of superlu stay)")
+    parser.add_argument("--plot", action="store_true", help="write docs/reduction-cost.svg (needs matplotlib)")
     parser.add_argument("--case", help=argparse.SUPPRESS)
     parser.add_argument("--job", help=argparse.SUPPRESS)
     options = parser.parse_args()
@@ -142,9 +293,13 @@ def main() -> None:
         run_job(options.case, options.job)
         return
     cases = options.cases or [*DEFAULT, *(LARGE if options.large else ())]
+    if options.fresh:
+        keep([run for run in kept() if run["case"] not in cases or run["job"] == "superlu"])
     for case in cases:
-        slow = options.quick or case in SUPERLU_TOO_SLOW
-        table(case, options.rounds, ["flexplant"] if case in LARGE else ["flexplant", "eigsh+factor"] if slow else list(JOBS))
+        run_case(case, options.rounds, jobs_of(case, options.quick, options.superlu_estimate))
+        table(case)
+    if options.plot:
+        plot()
 
 
 if __name__ == "__main__":
