@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import scipy.io
 import scipy.sparse as sp
 from exported_plants import kinds
 from stepwise_simulation import simulate
@@ -232,3 +233,31 @@ def test_julia_file_keeps_every_digit(tmp_path: Path) -> None:
         numbers = np.array(body[1].replace(";", " ").split(), dtype=float).reshape(int(body[2]), int(body[3]))
         np.testing.assert_array_equal(numbers.reshape(values.shape), values)
     assert 'const plate_inputs = ["bus.101.1", "bus.101.2"' in text
+
+
+def test_julia_grammar_takes_every_file(tmp_path: Path) -> None:
+    """Julia itself cannot be installed everywhere; its grammar can (pip install tree-sitter tree-sitter-julia)."""
+    tree_sitter, julia = pytest.importorskip("tree_sitter"), pytest.importorskip("tree_sitter_julia")
+    parser = tree_sitter.Parser(tree_sitter.Language(julia.language()))
+    for given in kinds().values():
+        text = write_plant(given, tmp_path / "p.jl").read_bytes()
+        assert not parser.parse(text).root_node.has_error
+
+
+@needs_octave
+@pytest.mark.parametrize("kind", ["modal", "full damping", "state space", "sampled"])
+def test_julia_arithmetic_gives_the_state_space(tmp_path: Path, kind: str) -> None:
+    """Octave reads Julia's matrices and operators alike; comprehension, zero(), const and strings are put into its words."""
+    given = kinds()[kind]
+    text = write_plant(given, tmp_path / "p.jl").read_text()
+    lines = [line for line in text.splitlines() if not line.startswith(("#", "function", "end")) and "puts = [" not in line]
+    body = "\n".join(lines).replace("const ", "").replace("return ss(", "s = ss(").replace("zero(", "0 * (")
+    body = re.sub(r"\[i == j .*?\]", "eye(size(p_omega, 1))" if "p_omega" in body else "", body)
+    (tmp_path / "run.m").write_text(
+        f"{body};\nsave('-v7', 'out.mat', 'sa', 'sb', 'sc', 'sd');".replace("s = ss(", "[sa, sb, sc, sd] = deal4(")
+    )
+    (tmp_path / "deal4.m").write_text("function [a, b, c, d] = deal4(a, b, c, d, dt)\nend\n")
+    run_octave(tmp_path, "run")
+    seen, form = scipy.io.loadmat(tmp_path / "out.mat"), state_space(given)
+    for name in "ABCD":
+        np.testing.assert_array_equal(seen[f"s{name.lower()}"], getattr(form, name))

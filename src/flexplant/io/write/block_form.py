@@ -64,6 +64,17 @@ def export_form(plant: ModalPlant | StateSpace | Descriptor) -> BlockForm | Dens
     return _coupled(_balanced(state_space(plant)))
 
 
+def described(form: BlockForm | DenseForm) -> str:
+    """One sentence on how the plant advances and what that costs, for the head of a C file."""
+    if isinstance(form, BlockForm):
+        kind = f"{len(form.a)} independent modes or blocks of two states"
+    else:
+        n = len(form.a)
+        kind = f"{n} states with a full matrix ({n}^2 multiplications a step): they cannot be taken apart accurately"
+    when = "exact for inputs that are held or linear over a step" if form.dt is None else f"sampled every {form.dt!r} s"
+    return f"{kind}; {when}."
+
+
 def sampled_blocks(form: BlockForm, dt: float, hold: str) -> BlockForm:
     """A continuous form sampled every dt seconds, exact for inputs held ("zero") or linear ("first", as `discretize`).
 

@@ -17,7 +17,7 @@ from flexplant.errors import InputError, nearest
 from flexplant.io.formats import Writer
 from flexplant.io.parse.own_plant import Plant
 from flexplant.io.write.atomic import replacing
-from flexplant.io.write.block_form import BlockForm, DenseForm, export_form, sampled_blocks
+from flexplant.io.write.block_form import BlockForm, DenseForm, described, export_form, sampled_blocks
 from flexplant.io.write.c_templates import BLOCKS, DENSE, HEADER, MODAL, VELOCITY_TERMS
 from flexplant.io.write.c_text import comment, constants, definition, identifier, string
 from flexplant.model.arrays import FloatArray
@@ -57,7 +57,11 @@ def c_files(plant: Plant, dt: float | None, prefix: str, header_name: str, hold:
         code, data = BLOCKS, _block_data(form if form.dt is not None else sampled_blocks(form, step, hold))
     else:
         code, data = DENSE, _dense_data(form, plant, step, hold)
-    words = _words(plant, prefix, step, len(next(iter(data.values())))) | {"header_name": header_name, "hold": MEANING[hold]}
+    words = _words(plant, prefix, step, len(next(iter(data.values())))) | {
+        "header_name": header_name,
+        "hold": MEANING[hold],
+        "how": described(form),
+    }
     words["velocity_terms"] = Template(VELOCITY_TERMS).substitute(words) if "velocity_out" in data else ""
     tables = "".join(definition(f"{prefix}_real", f"{prefix}_{k}", v) for k, v in data.items())
     return Template(HEADER).substitute(words), Template(code).substitute(words | {"tables": tables})

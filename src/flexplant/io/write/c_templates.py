@@ -1,7 +1,8 @@
 """Texts of the C source of a plant; $names are filled in by `c_source`."""
 
 HEADER = """\
-/* $title: plant with $n states or modes, sampled every $dt s, $hold. Written by flexplant.
+/* $title: plant sampled every $dt s, $hold. Written by flexplant.
+   $how
 
    ${p}_state s;                          all memory there is, no heap
    ${p}_reset(&s);                        at rest

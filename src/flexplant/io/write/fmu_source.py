@@ -7,7 +7,7 @@ from importlib.resources import files
 import numpy as np
 
 from flexplant.io.parse.own_plant import Plant
-from flexplant.io.write.block_form import BlockForm, DenseForm
+from flexplant.io.write.block_form import BlockForm, DenseForm, described
 from flexplant.io.write.c_text import comment, definition, string
 from flexplant.model.arrays import FloatArray
 
@@ -33,7 +33,7 @@ def fmu_source(plant: Plant, form: BlockForm | DenseForm, version: int, arrays: 
     head = HEAD.format(
         title=comment(plant.name),
         version=version,
-        how=describe(form),
+        how=described(form),
         sampled=int(form.dt is not None),
         dt=repr(form.dt or 1.0),
         first=int(blocks and bool(form.b[:, 0].any())),
@@ -47,17 +47,6 @@ def fmu_source(plant: Plant, form: BlockForm | DenseForm, version: int, arrays: 
     texts = _texts(plant) if version == 3 else ""
     folder = files(__package__) / "fmu_c"
     return head + tables + texts + "".join((folder / part).read_text(encoding="utf-8") for part in parts)
-
-
-def describe(form: BlockForm | DenseForm) -> str:
-    """One sentence on how the plant advances and what that costs."""
-    if isinstance(form, BlockForm):
-        kind = f"{len(form.a)} independent blocks of two states"
-    else:
-        n = len(form.a)
-        kind = f"{n} states with a full matrix ({n}^2 multiplications a step), because its eigenvectors are too nearly parallel"
-    when = "exact for inputs that are held or linear over a step" if form.dt is None else f"sampled every {form.dt!r} s"
-    return f"{kind}; {when}."
 
 
 def _tables(form: BlockForm | DenseForm) -> dict[str, FloatArray]:
