@@ -1,5 +1,6 @@
 """Nonlinear and digital blocks in the loop: against all-discrete systems, hand-written steps, and fine integration."""
 
+import numba
 import numpy as np
 import pytest
 import scipy.integrate
@@ -131,6 +132,74 @@ def test_compiled_steps_equal_plain_ones(monkeypatch):
     second = simulate(loop, t, d)
     assert close_to(first.outputs, second.outputs.values, 1e-12)
     assert close_to(first.final_state, second.final_state.values, 1e-12)
+
+
+def limited_rate(t, u, state):
+    y = state[0] + min(max(u[0] - state[0], -0.04), 0.06)
+    return np.array([y]), np.array([y])
+
+
+def with_function(function, nt=6000, initial=(0.0,), scale=30.0):
+    own = user_block(function, inputs=["u"], outputs=["y"], initial=initial)
+    return simulate(servo(structure(), gain(-400.0), filters={"law": own}), np.arange(nt) * DT, disturbance(nt, scale))
+
+
+def test_functions_are_compiled_into_the_loop_where_numba_can():
+    """The block made of it, the function compiled by hand or by itself in a long run, and one that only Python can call."""
+    log, block = [], LAWS["rate limiter"][0]
+    loop = servo(structure(), gain(-400.0), filters={"law": block})
+    expected = simulate(loop, np.arange(6000) * DT, disturbance(6000, 30.0))
+
+    def logged(t, u, state):
+        log.append(t)
+        return limited_rate(t, u, state)
+
+    for function, in_python in ((limited_rate, False), (numba.njit(limited_rate), False), (logged, True)):
+        found = with_function(function)
+        assert found.attrs.get("called_in_python", "") == ("law" if in_python else "")
+        assert close_to(found.outputs, expected.outputs.values, 1e-12)
+        assert close_to(found.final_state, expected.final_state.values, 1e-12)
+    assert log[:6000] == pytest.approx(np.arange(6000) * DT)
+    assert with_function(limited_rate, nt=300).attrs["called_in_python"] == "law"
+
+
+def test_functions_without_a_state_may_return_a_number():
+    expected = with_function(numba.njit(lambda t, u: np.array([min(u[0], 0.4)])), nt=50, initial=None)
+    found = with_function(numba.njit(lambda t, u: min(u[0], 0.4)), nt=50, initial=None)
+    assert np.array_equal(found.outputs, expected.outputs)
+
+
+def test_random_numbers_stay_under_the_seed_of_numpy():
+    def noisy(t, u):
+        return np.array([np.random.normal()])  # noqa: NPY002
+
+    np.random.seed(3)  # noqa: NPY002
+    found = with_function(noisy, initial=None)
+    np.random.seed(3)  # noqa: NPY002
+    assert found.outputs[2, 0] == np.random.normal()  # noqa: NPY002
+
+
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning", "ignore:invalid value")
+@pytest.mark.parametrize(
+    ("function", "error", "message"),
+    [
+        (lambda t, u: np.zeros(2), InputError, r"at t = 0 s: shapes \(2,\), \(0,\)"),
+        (lambda t, u: np.sqrt(u - u - (t > 0.5)), InputError, r"at t = 0\.501 s: returned values that are not finite"),
+        (lambda t, u: np.array([1.0 / (0.0 if t > 0.5 else 1.0)]), ZeroDivisionError, "division by zero"),
+    ],
+)
+def test_a_compiled_function_fails_as_in_python(function, error, message):
+    for compiled in (numba.njit(function), function):
+        with pytest.raises(error, match=message):
+            with_function(compiled, nt=600, initial=None)
+
+
+def test_a_loop_that_overflows_says_where_and_when():
+    growing = transfer_function([-1e9], [1.0, -0.3], dt=DT)
+    for monitor in ({"clip": saturation(-np.inf, np.inf)}, {"own": user_block(lambda t, u: u, inputs=["u"], outputs=["y"])}):
+        loop = servo(structure(), growing, filters=monitor)
+        with pytest.raises(InputError, match=r"(block|overflow).*t = 0\.\d+ s.*unstable"):
+            simulate(loop, np.arange(900) * DT, disturbance(900), unstable="allow")
 
 
 def los_like(law, plant):

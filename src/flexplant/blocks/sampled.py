@@ -26,8 +26,9 @@ class SampledBlock:
     """y = law(u, state) at its samples, held in between.
 
     kind: one of the laws above. low, high: (ny,) limits of each channel (quantiser: low is the step; rate limiter: change per
-    second). function: (t, u, state) -> (y, new state), for kind "function". initial: state at the start. dt: seconds between
-    evaluations, or None for every step. inputs, outputs: distinct names. Raises ModelError for names or units that do not fit.
+    second). function: (t, u, state) -> (y, new state), for kind "function"; own: what it was made of, (t, u) -> y or, with
+    takes_state, (t, u, state) -> (y, new state). initial: state at the start. dt: seconds between evaluations, or None for every
+    step. inputs, outputs: distinct names. Raises ModelError for names or units that do not fit.
     """
 
     kind: str
@@ -36,6 +37,8 @@ class SampledBlock:
     low: FloatArray
     high: FloatArray
     function: UserFunction | None = None
+    own: Callable[..., object] | None = None
+    takes_state: bool = False
     initial: FloatArray
     dt: float | None = None
     name: str = "block"
@@ -103,8 +106,10 @@ def user_block(
 ) -> SampledBlock:
     """y = function(t, u); with `initial`, (y, new state) = function(t, u, state). u, y, state are 1-D arrays; t is in seconds.
 
-    It is called in Python at each of its samples: microseconds a call, plus what it does itself. Raises InputError naming the
-    block and the instant where it returns a wrong shape or values that are not finite.
+    A function that is decorated with numba.njit is compiled into the loop; so is, in runs of some thousand samples, any other
+    that numba can compile (it must not change anything outside itself). The rest is called in Python at each of its samples, tens
+    of microseconds a call; the result's attribute `called_in_python` names those. Raises InputError naming the block and the
+    instant where it returns a wrong shape or values that are not finite.
     """
     if not callable(function):
         raise InputError(f"user block {name!r}: {function!r} cannot be called; give function(t, u) -> y")
@@ -123,6 +128,8 @@ def user_block(
         low=none,
         high=none,
         function=respond,
+        own=function,
+        takes_state=not stateless,
         initial=state,
         dt=dt,
         name=name,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -14,6 +15,7 @@ from flexplant.loop.hybrid import Element, Hybrid
 from flexplant.loop.sampled_loop import SampledLoop
 from flexplant.loop.sampled_steps import FINITE, KINDS, STATE_SPACE, sampled_steps
 from flexplant.loop.stepping import Stepper, stepper
+from flexplant.loop.user_code import c_functions
 from flexplant.model.arrays import FloatArray, IntArray
 from flexplant.numerics.compiled import numba
 
@@ -46,9 +48,26 @@ class HybridRecursion:
         self._parts, self._tables = _parts(hybrid, one, self.n_ahead), _tables(hybrid.elements, dt, width - nw)
         users = [e.block.function if isinstance(e.block, SampledBlock) else None for e in hybrid.elements]
         self._functions = users if any(users) else None
-        compiled = numba() is not None and self._functions is None and linear.A.shape[0] <= LARGEST_REST
-        addresses = np.zeros(len(users), dtype=np.int64)
-        self._loop = SampledLoop(hybrid, one, self.n_ahead, self._tables, addresses) if compiled else None
+        self._one, self._begun = one, False
+        self._loop: SampledLoop | None = None
+        self._calls: list[Any] | None = []
+
+    def _begin(self, nt: int) -> None:
+        """Choose the compiled loop where every block can be compiled; a short run is not worth compiling a plain function for."""
+        self._begun = True
+        if numba() is None or self.hybrid.linear.A.shape[0] > LARGEST_REST:
+            self._calls = None
+            return
+        self._calls = c_functions(self.hybrid.elements, plain=nt >= self.chunk)
+        if self._calls is not None:
+            addresses = np.array([0 if call is None else call.address for call in self._calls], dtype=np.int64)
+            self._loop = SampledLoop(self.hybrid, self._one, self.n_ahead, self._tables, addresses)
+
+    @property
+    def called_in_python(self) -> list[str]:
+        """Names of the blocks whose functions the last run called in Python."""
+        users = [e.name for e in self.hybrid.elements if isinstance(e.block, SampledBlock) and e.block.function is not None]
+        return [] if self._loop is not None else users
 
     @property
     def chunk(self) -> int:
@@ -58,6 +77,8 @@ class HybridRecursion:
 
     def run(self, w: FloatArray, nt: int) -> FloatArray:
         """(kept, nz) outputs at samples 0, every, ... < nt; the state moves to sample nt. w: (nt + 1, nw)."""
+        if not self._begun:
+            self._begin(nt)
         linear, m, nz = self.hybrid.linear, self.hybrid.linear.A.shape[0], self.hybrid.nz
         driven, seen = np.zeros((nt, m)), np.zeros((nt, linear.C.shape[0]))
         if self.ahead is not None:
@@ -76,8 +97,10 @@ class HybridRecursion:
         return out
 
     def _refuse(self, sample: int, block: int) -> None:
-        name, t = self.hybrid.elements[block].name, (self.position + sample) * self.dt
-        raise InputError(f"simulate: the input of block {name!r} is not finite at t = {t:.9g} s: the loop is unstable")
+        element, t = self.hybrid.elements[block], (self.position + sample) * self.dt
+        if self._loop is not None and isinstance(element.block, SampledBlock) and element.block.function is not None:
+            element.block.function(t, self._loop.asked[element.inputs], self.s[element.states])  # says what is wrong with it
+        raise InputError(f"simulate: the input of block {element.name!r} is not finite at t = {t:.9g} s: the loop is unstable")
 
     def _advance_compiled(self, w: FloatArray, driven: FloatArray, seen: FloatArray, out: FloatArray) -> tuple[int, int]:
         assert self._loop is not None

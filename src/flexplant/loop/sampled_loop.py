@@ -19,6 +19,7 @@ Tables = tuple[IntArray, FloatArray, FloatArray]
 class SampledLoop:
     """Advances the linear states x that are in the loop, the outputs p and the states s of the sampled blocks.
 
+    asked: (nq,) the blocks' inputs of the last sample.
     Under a first-order hold of w the states are shifted by what the ramp adds, as in `FusedRecursion`; p is held.
     """
 
@@ -43,7 +44,7 @@ class SampledLoop:
         D[nz:, nw:] = 0.0
         self._asking = layout.rows(linear.C_modes[nz:], linear.C[nz:], D[nz:])
         self._blocks = (*tables, np.ascontiguousarray(linear.D[nz:, nw:]))
-        self._functions = functions
+        self._functions, self.asked = functions, np.zeros(len(linear.C) - nz)
         self._work = aligned((block_length() + 1, layout.width))
 
     def run(
@@ -62,7 +63,8 @@ class SampledLoop:
         start = x - w[0] @ self._ramp
         first[:n], first[padded : padded + n], first[len(first) - self._other[3].size :][: self._m] = np.split(start, [n, 2 * n])
         nq = self._blocks[3].shape[0]
-        memory = (p, s, np.zeros(nq), np.zeros(nq), np.zeros(s.size))
+        self.asked = np.zeros(nq)
+        memory = (p, s, self.asked, np.zeros(nq), np.zeros(s.size))
         fixed = (self._modal, self._other, self._reading, self._asking, self._blocks, self._functions)
         inputs = np.ascontiguousarray(w[:-1])
         failure: tuple[int, int] = march(*fixed, inputs, driven, seen, self._work, memory, out, *at)

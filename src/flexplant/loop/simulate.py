@@ -59,6 +59,7 @@ def simulate(
     names = list(simulated(system).inputs)
     kept = _kept(outputs, list(system.outputs))
     rows = [list(system.outputs).index(k) for k in kept]
+    interpreted: list[str] = []
     if isinstance(inputs, Tones) and not is_hybrid(system):
         cascade = checked_cascade(system, unstable)
         z, w, final = _under_tones(cascade, names, t, dt, inputs, initial, hold)
@@ -68,8 +69,10 @@ def simulate(
         runner = runner_of(system, dt, initial, hold, every, unstable)
         run = march(runner, w, t.size, (len(names), len(system.outputs)), every, progress)
         z, final = run.outputs, run.final_state
+        interpreted = getattr(runner, "called_in_python", [])
     z = z if rows == list(range(len(z))) else z[rows]
-    return _dataset(system, t, w, z, kept, final, every)
+    result = _dataset(system, t, w, z, kept, final, every)
+    return result.assign_attrs(called_in_python=", ".join(interpreted)) if interpreted else result
 
 
 def _check_every(every: int) -> None:
