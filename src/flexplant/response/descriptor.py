@@ -80,7 +80,7 @@ class DescriptorResponse:
         system = self.system
         out = np.empty((len(system.outputs), len(system.inputs), hz.size), dtype=complex)
         for k, f in enumerate(hz):
-            out[:, :, k] = self._one(float(f)) + system.D
+            out[:, :, k] = (self._one(float(f)) if system.n_states else 0.0) + system.D
         return out
 
     def _one(self, hz: float) -> Any:
