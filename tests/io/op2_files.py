@@ -35,8 +35,25 @@ def matrix_block(name: str, matrix: np.ndarray) -> bytes:
     return out + key(-3 - columns) + key(1) + key(0) + key(0)
 
 
-def write_op2(path: Path, matrices: dict[str, np.ndarray]) -> Path:
+def dmig_words(name: str, columns: dict[tuple[int, int], list[tuple[int, int, float]]], form: int = 6, count: int = 0) -> bytes:
+    """One matrix as EXTSEOUT(DMIGOP2) stores it: double precision terms by column."""
+    out = name.ljust(8).encode() + struct.pack("<7i", 0, form, 2, 2, 0, 0, count)
+    for (grid, component), rows in columns.items():
+        out += struct.pack("<2i", grid, component)
+        out += b"".join(struct.pack("<2id", *row) for row in rows) + struct.pack("<2i", -1, -1)
+    return out + struct.pack("<2i", -1, -1)
+
+
+def table_block(name: str, words: bytes) -> bytes:
+    """A data block with one record."""
+    out = sized(name.ljust(8).encode()) + key(-1) + sized(struct.pack("<7i", 101, 1, 0, 0, 0, 0, 0))
+    out += key(-2) + key(1) + key(0) + sized(name.ljust(8).encode())
+    return out + key(-3) + key(1) + key(0) + sized(words) + key(-4) + key(1) + key(0) + key(0)
+
+
+def write_op2(path: Path, matrices: dict[str, np.ndarray], tables: dict[str, bytes] | None = None) -> Path:
     date = struct.pack("<3i", 1, 2, 26)
     label = sized(date) + sized(b"NASTRAN FORT TAPE ID CODE - ") + sized(b"XXXXXXXX") + key(-1) + key(0)
-    path.write_bytes(label + b"".join(matrix_block(name, m) for name, m in matrices.items()) + key(0))
+    path.write_bytes(label + b"".join(matrix_block(name, m) for name, m in matrices.items())
+                     + b"".join(table_block(name, words) for name, words in (tables or {}).items()) + key(0))  # fmt: skip
     return path

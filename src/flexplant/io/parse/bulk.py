@@ -22,16 +22,20 @@ INCLUDE = re.compile(r"\s*INCLUDE\s*[ '\"]\s*([^'\"]+?)\s*['\"]?\s*$", re.IGNORE
 
 @dataclass(frozen=True)
 class Card:
-    """One bulk data entry: name in upper case, fields after it (blanks stripped), where it starts."""
+    """One bulk data entry: name in upper case, fields after it (blanks stripped), the line where it starts.
+
+    where: said instead of the line, for entries that are not from a text file.
+    """
 
     path: Path
     name: str
     fields: tuple[str, ...]
     line: int
+    where: str = ""
 
     def fail(self, problem: str) -> ReadError:
         """The error to raise for this card."""
-        return ReadError(self.path, f"{self.name} {problem}", record=f"line {self.line}")
+        return ReadError(self.path, f"{self.name} {problem}", record=self.where or f"line {self.line}")
 
     def text(self, index: int) -> str:
         """Field by its place (0 is the first after the name), empty if it is not there."""

@@ -1,9 +1,9 @@
-"""Nastran OUTPUT2 superelements: tables of a NAS2CAM run with its `.op4`, or matrices with `.asm` and `.pch` or a sidecar.
+"""Nastran OUTPUT2 superelements: tables of a NAS2CAM run with its `.op4`, DMIG entries, or matrices.
 
 NAS2CAM: `.op2` has SLIST, USET, EQEXIN, CSTM and BGPDT of each superelement, the `.op4` with the same stem its maa, kaa (baa).
-Matrices of EXTSEOUT with MATOP2 (KAA or KXX, MAA or MXX, ...): the `.asm` and `.pch` with the same stem say what the rows are,
-as for `.op4` (`flexplant.io.parse.external_superelement`). Others (OUTPUT2 KAA,MAA//): a sidecar does, see
-`flexplant.io.parse.sidecar`.
+EXTSEOUT with DMIGOP2: DMIG entries, which name their DOF; `.asm` and `.pch` with the same stem add sets and positions
+(`flexplant.io.parse.dmig_superelement`). Matrices KAA or KXX, MAA or MXX, ... with `.asm` and `.pch` that say what the rows are:
+as for `.op4` (`flexplant.io.parse.external_superelement`). Others: a sidecar does, see `flexplant.io.parse.sidecar`.
 """
 
 from __future__ import annotations
@@ -13,12 +13,15 @@ from typing import Any
 
 from flexplant.errors import ReadError
 from flexplant.io.formats import Format
+from flexplant.io.parse.bulk import read_cards
+from flexplant.io.parse.dmig_superelement import dmig_component
 from flexplant.io.parse.external_superelement import external_superelement
 from flexplant.io.parse.files import provenance, sibling
 from flexplant.io.parse.listed_rows import listed_component
 from flexplant.io.parse.names import name_from
 from flexplant.io.parse.nas2cam import superelements
 from flexplant.io.parse.op2 import looks_like_op2, read_op2_matrices
+from flexplant.io.parse.op2_dmig import read_dmig_cards
 from flexplant.io.parse.op4 import read_op4_sequence
 from flexplant.io.parse.plain_matrices import component_of
 from flexplant.io.parse.sidecar import find_sidecar, sidecar_path
@@ -42,24 +45,35 @@ def read_component(
     name: str | None = None,
     superelement: int | None = None,
     sidecar: str | Path | None = None,
+    suffix: str | None = None,
     structural: str = "error",
 ) -> Component:
     """A component; superelement: its id where the file has several. sidecar: for matrices in the `.op2` itself.
 
-    structural: "error" or "ignore" where EXTSEOUT's matrices have structural damping, which has no place in a real Z.
+    suffix: of the names of DMIG matrices where a file holds several sets. structural: "error" or "ignore" where there is
+    structural damping, which has no place in a real Z.
     """
     if sidecar is not None or sidecar_path(path) is not None:
         return component_of(path, read_op2_matrices(path), find_sidecar(path, sidecar), name, FORMAT.name)
     op4 = sibling(path, ".op4")
-    if op4 is None:
-        beside = tuple(file for file in (sibling(path, ".pch"), sibling(path, ".asm")) if file is not None)
-        if not beside:
-            raise ReadError(
-                path,
-                "needs files with the same stem that say what its rows are: .asm and .pch (EXTSEOUT with MATOP2), "
-                ".op4 (NAS2CAM), or a sidecar .yaml that names its matrices",
-            )
-        return external_superelement(path, read_op2_matrices(path), beside, name, structural, (FORMAT.name, __name__))
+    if op4 is not None:
+        return _nas2cam(path, op4, name, superelement)
+    beside = tuple(file for file in (sibling(path, ".pch"), sibling(path, ".asm")) if file is not None)
+    made_by = (FORMAT.name, __name__)
+    entries = read_dmig_cards(path)
+    if entries:
+        cards = entries + [card for file in beside for card in read_cards(file)]
+        return dmig_component(path, cards, name=name, suffix=suffix, structural=structural, made_by=made_by, beside=beside)
+    if not beside:
+        raise ReadError(
+            path,
+            "needs files with the same stem that say what its rows are: .asm and .pch (EXTSEOUT), "
+            ".op4 (NAS2CAM), or a sidecar .yaml that names its matrices",
+        )
+    return external_superelement(path, read_op2_matrices(path), beside, name, structural, made_by)
+
+
+def _nas2cam(path: Path, op4: Path, name: str | None, superelement: int | None) -> Component:
     tables = superelements(path)
     chosen = _chosen(path, [i for i in tables if i], superelement)
     table = tables[chosen]
@@ -108,7 +122,7 @@ def _boundary_nodes(nodes: Nodes, dofs: DofSet) -> Nodes:
 
 FORMAT = Format(
     name="nastran_op2",
-    description="Nastran superelements in OUTPUT2: NAS2CAM .op2 + .op4; EXTSEOUT, MATOP2: .op2 + .asm + .pch; or a YAML sidecar",
+    description="Nastran superelements in OUTPUT2: NAS2CAM, EXTSEOUT with DMIGOP2, matrices with .asm + .pch or a sidecar",
     sniff=sniff,
     tested_against="NX Nastran 9.1",
     readers={"read_component": read_component},
