@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from flexplant.plant.discretize import discretize
 from flexplant.plant.modal import ModalPlant
-from flexplant.plant.state_space import state_space
-from flexplant.response import modal_bound
+from flexplant.plant.state_space import StateSpace, state_space
+from flexplant.response import modal_bound, norms
 from flexplant.response.frequency import frequency_response
 from flexplant.response.interval_bound import Bracket, bracket
 from flexplant.response.modal_bound import ModalAxis
@@ -151,3 +154,39 @@ def test_singular_values_in_closed_form_are_lapacks(shape):
     found = stacked_singular_values(G)
     assert found.shape == expected.shape
     assert (abs(found - expected) <= 1e-14 * expected[:, :1]).all()
+
+
+@pytest.fixture
+def no_hamiltonian(monkeypatch):
+    """Small state spaces go the way of large ones."""
+    monkeypatch.setattr(norms, "CERTIFIED_STATES", 0)
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("zeta", [1e-5, 0.05, 3.0])
+@pytest.mark.parametrize("dt", [None, 2e-3])
+def test_poles_and_residues_certify_the_same_norm(monkeypatch, seed, zeta, dt):
+    system = state_space(modal(8, zeta=zeta, seed=seed, kinds=KINDS))
+    system = system if dt is None else discretize(system, dt)
+    exact = hinf_norm(system)
+    monkeypatch.setattr(norms, "CERTIFIED_STATES", 0)
+    found = hinf_norm(system)
+    assert found.certificate.startswith("interval bounds (poles and residues")
+    assert found.value == pytest.approx(exact.value, rel=1e-7)
+    assert exact.value <= found.upper * (1 + 1e-9)
+    assert found.upper <= found.lower * (1 + 1.1e-7)
+
+
+def test_full_damping_and_badly_conditioned_poles(no_hamiltonian):
+    rng = np.random.default_rng(0)
+    plant = modal(12, zeta=0.02)
+    mixing = rng.normal(size=(12, 12))
+    full = replace(plant, damping=np.diag(2 * plant.zeta * plant.omega) + 0.05 * mixing @ mixing.T)
+    found = hinf_norm(full)
+    hz = np.linspace(0.1, 120, 40_001)
+    assert float(singular_values(full, hz).max()) <= found.upper
+    assert found.certificate.startswith("interval bounds (poles and residues")
+    jordan = StateSpace(-np.eye(3) + np.eye(3, k=1) * 100, np.eye(3)[:, 2:], np.eye(3)[:1], np.zeros((1, 1)), ["u"], ["y"])
+    alone = hinf_norm(jordan)
+    assert (alone.certificate, alone.upper) == ("", np.inf)
+    assert alone.value == pytest.approx(1e4, rel=1e-6)

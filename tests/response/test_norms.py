@@ -115,3 +115,12 @@ def test_singular_values_of_a_diagonal_plant_are_its_gains():
         singular_values(plant)
     with pytest.raises(InputError, match="dims are"):
         singular_values(response.isel(frequency=0))
+
+
+def test_the_largest_gain_of_a_discrete_system_may_stand_at_the_nyquist_frequency():
+    """y[k+1] = -0.5 y[k] + u[k]: |1 / (z + 0.5)| is largest at z = -1, where it is 2."""
+    alternating = StateSpace([[-0.5]], [[1.0]], [[1.0]], [[0.0]], ["u"], ["y"], dt=0.01)
+    found = hinf_norm(alternating)
+    assert found.value == pytest.approx(2.0, rel=1e-9)
+    assert found.frequency_hz == pytest.approx(50.0)
+    assert found.upper == pytest.approx(2.0, rel=1e-6)

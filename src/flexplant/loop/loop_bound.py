@@ -24,6 +24,7 @@ import numpy.typing as npt
 
 from flexplant.loop.bordered import Bordered, ComplexArray
 from flexplant.model.arrays import FloatArray, IntArray
+from flexplant.response.interval_bound import towards
 from flexplant.response.modal_bound import ModalAxis
 from flexplant.response.singular import largest_singular_values
 
@@ -186,8 +187,7 @@ class LoopAxis:
         place, width = (np.concatenate([np.zeros(0), *(table[k] for table in tables)]) for k in (0, 1))
         if not place.size:
             return a + fraction * (b - a)
-        low, high = np.arcsinh((a - place[pole]) / width[pole]), np.arcsinh((b - place[pole]) / width[pole])
-        return np.asarray(place[pole] + width[pole] * np.sinh(low + fraction * (high - low)))
+        return towards(a, b, fraction, place[pole], width[pole])
 
     def phases(self, a: FloatArray, b: FloatArray) -> FloatArray:
         """(nt,) change of the phase of det M from a to b; NaN where it cannot be told yet."""

@@ -36,6 +36,13 @@ class TransferFunction:
             self._T, unitary = scipy.linalg.schur(A, output="complex")
             self._left, self._right, self._solved = unitary.conj().T @ B, C @ unitary, _triangular
 
+    @property
+    def residues(self) -> tuple[ComplexArray, ComplexArray, ComplexArray] | None:
+        """(poles (n,), left (ny, n), right (n, nu)) with G = sum left_k right_k / (s - p_k) + D; None in Schur form."""
+        if not self.system.n_states or self._solved is not _pole_residue:
+            return None
+        return self.poles, np.asarray(self._right, dtype=complex), np.asarray(self._left, dtype=complex)
+
     def __call__(self, s: ComplexArray) -> ComplexArray:
         """(ny, nu, nf) at complex points s (nf,); InputError where one lies on a pole."""
         system = self.system

@@ -53,6 +53,12 @@ class Bracket:
     intervals: int = 0
 
 
+def towards(a: FloatArray, b: FloatArray, fraction: FloatArray, place: FloatArray, width: FloatArray) -> FloatArray:
+    """Points equally spaced in asinh((t - place) / width): in proportion to the distance from a pole, width off the axis."""
+    low, high = np.arcsinh((a - place) / width), np.arcsinh((b - place) / width)
+    return np.asarray(place + width * np.sinh(low + fraction * (high - low)))
+
+
 def bracket(axes: Sequence[Axis], known: Bracket, tolerance: float, budget: int = BUDGET) -> Bracket:
     """The peak over all axes to a relative tolerance, from a `known` value; round-off of the gains is not part of the bracket."""
     starts = [(axis.points, axis.gains(axis.points)) for axis in axes]

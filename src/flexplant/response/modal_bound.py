@@ -19,6 +19,7 @@ from flexplant.model.arrays import FloatArray, IntArray
 from flexplant.numerics.compiled import Kernel
 from flexplant.plant.modal import ModalPlant
 from flexplant.plant.state_space import output_rows
+from flexplant.response.interval_bound import towards
 from flexplant.response.modal_sum import modal_response
 from flexplant.response.singular import largest_singular_values
 
@@ -168,7 +169,5 @@ class ModalAxis:
             yield residues.reshape(residues.shape[0], -1), bound
 
     def between(self, a: FloatArray, b: FloatArray, fraction: FloatArray, pole: IntArray) -> FloatArray:
-        """Points equally spaced in asinh((t - place) / width): in proportion to the distance from the pole."""
-        place, width = self._tables["place"][pole], self._tables["first"][pole]
-        low, high = np.arcsinh((a - place) / width), np.arcsinh((b - place) / width)
-        return np.asarray(place + width * np.sinh(low + fraction * (high - low)))
+        """Denser towards the mode's pole."""
+        return towards(a, b, fraction, self._tables["place"][pole], self._tables["first"][pole])

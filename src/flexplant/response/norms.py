@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -18,6 +19,7 @@ from flexplant.response.frequency import Plant, frequency_response
 from flexplant.response.interval_bound import Bracket, bracket, polished
 from flexplant.response.level import Gain
 from flexplant.response.modal_bound import ModalAxis
+from flexplant.response.pole_bound import PoleAxis
 from flexplant.response.singular import stacked_singular_values
 
 CERTIFIED_STATES = 400  # states up to which the Hamiltonian certificate takes a few seconds
@@ -66,8 +68,8 @@ def hinf_norm(plant: Plant, *, tolerance: float = 1e-7, unbounded: str = "infini
 
     Modal plants with modal damping, of any size: interval bounds over the whole axis (see `interval_bound`), rigorous up to the
     round-off of the modal sums; a second for thousands of modes. Others up to 400 states: refined from the poles, then certified
-    by the Hamiltonian test (no crossing of the level), raised and repeated until it passes. Larger others: refined from all
-    poles, upper = inf.
+    by the Hamiltonian test (no crossing of the level), raised and repeated until it passes. Larger others: interval bounds on
+    poles and residues where the eigenvectors are well conditioned; else refined from all poles, upper = inf.
     unbounded: "infinite" returns inf for unstable, undamped and rigid-body poles that are seen; "error" raises InputError.
     Source: Boyd and Balakrishnan 1990; Bruinsma and Steinbuch 1990.
     """
@@ -116,12 +118,16 @@ def _by_intervals(plant: ModalPlant, tolerance: float) -> HinfNorm:
     if not edge:
         largest = float(np.linalg.norm(plant.direct, 2)) if plant.direct.size else 0.0
         return HinfNorm(largest, 0.0, largest, largest, certificate="static gain")
-    axes = [ModalAxis(plant, edge, high=False), ModalAxis(plant, edge, high=True)]
+    axes = [ModalAxis(plant, edge, high) for high in (False, True)]
     found = polished(axes, bracket(axes, Bracket(0.0, 0.0, 0, 0.0), tolerance))
-    omega = found.t if found.axis == 0 else np.divide(1.0, found.t) if found.t else np.inf
-    return HinfNorm(
-        found.lower, omega / (2 * np.pi), found.lower, found.upper, certificate=f"interval bounds ({found.intervals} intervals)"
-    )
+    return _from_bracket(found, lambda omega: omega / (2 * np.pi), "")
+
+
+def _from_bracket(found: Bracket, hz: Callable[[float], float | FloatArray], what: str) -> HinfNorm:
+    """Axis 0 is omega, axis 1 its inverse."""
+    omega = found.t if found.axis == 0 else 1 / found.t if found.t else np.inf
+    certificate = f"interval bounds ({what}{found.intervals} intervals)"
+    return HinfNorm(found.lower, float(hz(omega)), found.lower, found.upper, certificate=certificate)
 
 
 def _sees_rigid(plant: ModalPlant, rigid: npt.NDArray[np.bool_]) -> bool:
@@ -166,8 +172,13 @@ def _norm(system: StateSpace, tolerance: float) -> HinfNorm:
     for pole in poles[abs(poles.real) <= 1e-10 * size]:
         if _unbounded_at(gain, abs(pole.imag), size):
             return _infinite(float(gain.hz(abs(pole.imag))), f"an undamped pole at {gain.hz(abs(pole.imag)):.6g} Hz")
-    found = _searched(gain, tolerance)
-    return _certified(gain, found, tolerance) if system.n_states <= CERTIFIED_STATES else found
+    if system.n_states <= CERTIFIED_STATES:
+        return _certified(gain, _searched(gain, tolerance), tolerance)
+    residues = gain.transfer.residues
+    if residues is None or (poles.real >= 0).any():
+        return _searched(gain, tolerance)
+    axes = [PoleAxis(gain.transfer, residues, 2 * size, high) for high in (False, True)]
+    return _from_bracket(polished(axes, bracket(axes, Bracket(0.0, 0.0, 0, 0.0), tolerance)), gain.hz, "poles and residues, ")
 
 
 def _unbounded_at(gain: Gain, omega: float, size: float) -> bool:
@@ -183,7 +194,8 @@ def _searched(gain: Gain, tolerance: float) -> HinfNorm:
     reach = np.maximum(abs(poles.real), 1e-9 * abs(poles))
     resonance = np.sqrt(np.maximum(poles.imag**2 - poles.real**2, 0.0))
     starts = np.unique(np.r_[0.0, resonance, abs(poles.imag), abs(poles)])
-    largest = float(np.linalg.norm(gain.system.D, 2)) if gain.system.D.size else 0.0
+    direct = gain.continuous.D  # the gain at infinite frequency, or of a discrete system at the Nyquist frequency
+    largest = float(np.linalg.norm(direct, 2)) if direct.size else 0.0
     if not poles.size:
         return HinfNorm(largest, 0.0, largest, largest)
     starts = starts[[not (abs(1j * s - poles) <= 1e-12 * abs(poles).max()).any() for s in starts]]
