@@ -209,6 +209,25 @@ def test_the_archive_is_the_same_each_time_and_builds_from_its_sources(tmp_path:
     assert build[0].sourceFileSets[0].sourceFiles == ["bare.c"]
 
 
+@needs_gcc
+@pytest.mark.parametrize("version", [2, 3])
+def test_fmpy_compiles_the_sources(tmp_path: Path, version: int) -> None:
+    """What an importer on another kind of computer does."""
+    build = pytest.importorskip("fmpy.build")
+    if shutil.which("cmake") is None:
+        pytest.skip("no CMake, which FMPy builds with")
+    given = plant(inputs=["a", "b", "c"], outputs=["x", "y"])
+    path = write_plant(given, tmp_path / "p.fmu", version=version, arrays=False)
+    bare = write_plant(given, tmp_path / "bare.fmu", version=version, arrays=False, binary=False, name="p")
+    unzipped = fmpy.extract(str(bare), str(tmp_path / "bare"))
+    (tmp_path / "build").mkdir()
+    build.build_platform_binary(unzipped, tmp_path / "build")
+    ours, theirs = (
+        fmpy.simulate_fmu(str(f), output_interval=DT, stop_time=0.05, start_values={"a": 1.0}) for f in (path, unzipped)
+    )
+    np.testing.assert_allclose(theirs["x"], ours["x"], rtol=1e-12, atol=0)
+
+
 def test_fmu_refuses_what_it_cannot_hold(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     with pytest.raises(InputError, match="version=2 or version=3"):
         write_plant(plant(), tmp_path / "p.fmu", version=1)

@@ -132,6 +132,12 @@ def test_c_header_is_for_cpp_too(tmp_path: Path) -> None:
         subprocess.run(["g++", "-Wall", "-Werror", "-fsyntax-only", "x.cpp"], cwd=tmp_path, check=True)
 
 
+def test_c_source_says_how_it_advances(tmp_path: Path) -> None:
+    for kind, says in (("full damping", "20 independent modes or blocks"), ("defective", "6 states with a full matrix (6^2")):
+        write_plant(kinds()[kind], tmp_path / "p.c", dt=DT)
+        assert says in (tmp_path / "p.h").read_text()
+
+
 def test_c_source_needs_a_sample_time(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="pass dt="):
         write_plant(plant(), tmp_path / "p.c")

@@ -65,14 +65,11 @@ def export_form(plant: ModalPlant | StateSpace | Descriptor) -> BlockForm | Dens
 
 
 def described(form: BlockForm | DenseForm) -> str:
-    """One sentence on how the plant advances and what that costs, for the head of a C file."""
+    """How the plant advances and what that costs, for the head of a C file."""
+    n = len(form.a)
     if isinstance(form, BlockForm):
-        kind = f"{len(form.a)} independent modes or blocks of two states"
-    else:
-        n = len(form.a)
-        kind = f"{n} states with a full matrix ({n}^2 multiplications a step): they cannot be taken apart accurately"
-    when = "exact for inputs that are held or linear over a step" if form.dt is None else f"sampled every {form.dt!r} s"
-    return f"{kind}; {when}."
+        return f"{n} independent modes or blocks of two states"
+    return f"{n} states with a full matrix ({n}^2 multiplications a step): they cannot be taken apart accurately"
 
 
 def sampled_blocks(form: BlockForm, dt: float, hold: str) -> BlockForm:

@@ -2,7 +2,7 @@
 
 HEADER = """\
 /* $title: plant sampled every $dt s, $hold. Written by flexplant.
-   $how
+   $how.
 
    ${p}_state s;                          all memory there is, no heap
    ${p}_reset(&s);                        at rest

@@ -30,10 +30,11 @@ def fmu_source(plant: Plant, form: BlockForm | DenseForm, version: int, arrays: 
     blocks = isinstance(form, BlockForm)
     size = max(len(form.a), 1)
     parts = ["state.c", "blocks.c" if blocks else "dense.c", "steps.c", f"fmi{version}.c"]
+    when = "exact for inputs that are held or linear over a step" if form.dt is None else f"sampled every {form.dt!r} s"
     head = HEAD.format(
         title=comment(plant.name),
         version=version,
-        how=described(form),
+        how=f"{described(form)}; {when}.",
         sampled=int(form.dt is not None),
         dt=repr(form.dt or 1.0),
         first=int(blocks and bool(form.b[:, 0].any())),
