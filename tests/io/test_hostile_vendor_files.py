@@ -8,6 +8,7 @@ from __future__ import annotations
 import collections
 import os
 import shutil
+import struct
 import sys
 import tempfile
 import time
@@ -22,6 +23,7 @@ import scipy.io
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from nx_files import TRUSS
+from op2_files import dmig_words, write_op2
 from test_abaqus_substructure import substructure
 from test_component_writers import component
 from test_external_superelements import as_op2
@@ -115,6 +117,13 @@ def both_references(path: Path) -> object:
     return read_reference(path, component="a"), read_response_functions(path)
 
 
+def op2_dmig(folder: Path) -> Path:
+    columns = {(n, d): [(n, d, 2.0)] for n in (3, 4) for d in (1, 2, 3)} | {(90, 0): [(90, 0, 5.0)]}
+    words = struct.pack("<3i", 114, 1, 120) + dmig_words("KAAX", columns) + dmig_words("MAAX", columns)
+    (folder / "d.pch").write_text("GRID,3,,1.,2.,3.\nGRID,4,,0.,2.,3.\nASET1,123,3,4\nSPOINT,90\nQSET1,0,90\n")
+    return write_op2(folder / "d.op2", {}, {"MATPOOL": words})
+
+
 def openfast(folder: Path) -> Path:
     (folder / "SE.dat").write_text(jacket_text())
     return folder / "SE.dat"
@@ -138,6 +147,7 @@ SAMPLES: dict[str, tuple[Callable[[Path], Path], Callable[[Path], object]]] = {
     "mystran_sparse": (copied(*(f"mystran/panel{e}" for e in (".L1L", ".L1R", ".bdf"))),
                        lambda p: read_model(p, format="mystran_sparse")),
     "nastran_op2 + cards": (as_op2, lambda p: read_component(p, format="nastran_op2")),
+    "nastran_op2 DMIG": (op2_dmig, lambda p: read_component(p, format="nastran_op2")),
     "extptfm of OpenFAST": (openfast, lambda p: read_component(p, format="extptfm")),
     "sierra_netcdf nodes": (lambda folder: reduction(folder / "r.nc4", pairs(47, 19), [47, 19])[0],
                             lambda p: read_component(p, format="sierra_netcdf")),

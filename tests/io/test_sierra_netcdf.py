@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import h5netcdf
 import numpy as np
 import pytest
 import scipy.io
@@ -59,6 +60,27 @@ def test_numbers_that_could_be_both_are_asked_for(tmp_path: Path) -> None:
     assert read_component(same).boundary.pairs == pairs(1, 2)
     with pytest.raises(InputError, match="'ids' or 'places'"):
         read_component(path, numbers="global")
+
+
+def test_netcdf_4_gives_the_same_component(tmp_path: Path) -> None:
+    """The same variables in HDF5, as newer programs write them, with compression and a text beside."""
+    path, _ = reduction(tmp_path / "r.nc4", pairs(47, 19), [47, 19])
+    with scipy.io.netcdf_file(path, mmap=False) as old, h5netcdf.File(tmp_path / "s.nc4", "w") as new:
+        new.dimensions = dict(old.dimensions)
+        for name, variable in old.variables.items():
+            values = np.array(variable.data, dtype=variable.data.dtype.newbyteorder("="))
+            new.create_variable(name, variable.dimensions, values.dtype, data=values, compression="gzip")
+        new.attrs["title"] = "a reduction"
+    ours, theirs = read_component(tmp_path / "s.nc4"), read_component(path)
+    assert ours.source["format"] == "sierra_netcdf"
+    assert ours.dofs.pairs == theirs.dofs.pairs
+    np.testing.assert_array_equal(ours.stiffness, theirs.stiffness)
+    np.testing.assert_array_equal(ours.nodes.positions, theirs.nodes.positions)
+    data = bytearray((tmp_path / "s.nc4").read_bytes())
+    data[len(data) // 2 :] = b""
+    (tmp_path / "t.nc4").write_bytes(bytes(data))
+    with pytest.raises(ReadError, match=r"t\.nc4"):
+        read_component(tmp_path / "t.nc4")
 
 
 def test_nodes_that_are_not_there_are_an_error(tmp_path: Path) -> None:

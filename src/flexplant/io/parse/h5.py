@@ -63,3 +63,14 @@ def header_of(path: Path, key: str) -> str | None:
             return value.decode("utf-8") if isinstance(value, bytes) else None
     except BROKEN:
         return None
+
+
+def dataset_names(path: Path) -> set[str]:
+    """The names in the root group; empty for a file that cannot be opened."""
+    import h5py
+
+    try:
+        with h5py.File(path, "r") as file:
+            return set(file)
+    except BROKEN:
+        return set()

@@ -1,4 +1,4 @@
-"""Sierra/SD Craig-Bampton reductions as NetCDF-3 (`.nc4`, `.ncf`): Kr, Mr (Cr) and cbmap.
+"""Sierra/SD Craig-Bampton reductions as NetCDF-3 or NetCDF-4 (`.nc4`, `.ncf`): Kr, Mr (Cr) and cbmap.
 
 cbmap lists (node, direction) for each row, node 0 for a modal row; a cbmap of the boundary alone has the modal rows first.
 Rows are put in the order boundary, modal. Positions are coordx, coordy, coordz of the nodes in node_num_map where the file has
@@ -17,7 +17,9 @@ import numpy as np
 
 from flexplant.errors import InputError, ReadError
 from flexplant.io.formats import Format
-from flexplant.io.parse.files import one_line, provenance, read_bytes
+from flexplant.io.parse.files import one_line, provenance, read_bytes, read_head
+from flexplant.io.parse.h5 import SIGNATURE as HDF5
+from flexplant.io.parse.h5 import dataset_names, read_h5
 from flexplant.io.parse.listed_rows import listed_component
 from flexplant.io.parse.names import name_from
 from flexplant.io.parse.number_text import integers
@@ -31,8 +33,10 @@ CORRUPT = (ValueError, TypeError, LookupError, AttributeError, OverflowError, OS
 NAMES = {"stiffness": "Kr", "mass": "Mr", "damping": "Cr"}
 
 
-def sniff(head: bytes, path: Path) -> bool:  # noqa: ARG001  every sniff function has it
-    """A NetCDF-3 file with cbmap in its header."""
+def sniff(head: bytes, path: Path) -> bool:
+    """A NetCDF-3 file with cbmap in its header, or an HDF5 file with these variables."""
+    if head.startswith(HDF5):
+        return {"Kr", "Mr", "cbmap"} <= dataset_names(path)
     return head[:4] in SIGNATURES and b"cbmap" in head
 
 
@@ -43,7 +47,7 @@ def read_component(path: Path, *, name: str | None = None, numbers: str | None =
     """
     if numbers not in (None, "ids", "places"):
         raise InputError(f"numbers={numbers!r}: use 'ids' or 'places'")
-    arrays = read_netcdf3(path)
+    arrays = _netcdf4(path) if read_head(path).startswith(HDF5) else read_netcdf3(path)
     if missing := [v for v in ("Kr", "Mr", "cbmap") if v not in arrays]:
         raise ReadError(path, f"has no variable {', '.join(missing)}; it has {', '.join(arrays)}")
     matrices: dict[str, Any] = {kind: arrays.get(variable) for kind, variable in NAMES.items()}
@@ -68,6 +72,11 @@ def read_netcdf3(path: Path) -> dict[str, Any]:
     except CORRUPT as error:
         raise ReadError(path, f"is not a readable NetCDF-3 file ({one_line(error)})") from None
     return {n: v.astype(v.dtype.newbyteorder("=")) for n, v in found.items()}
+
+
+def _netcdf4(path: Path) -> dict[str, Any]:
+    """The numeric variables of a NetCDF-4 file, which is an HDF5 file."""
+    return {n: v for n, v in read_h5(path).items() if getattr(getattr(v, "dtype", None), "kind", "") in "fiu"}
 
 
 def _dofs(path: Path, listed: Any, n: int) -> DofSet:
@@ -116,9 +125,9 @@ def _with_ids(path: Path, dofs: DofSet, ids: IntArray, numbers: str | None) -> D
 
 FORMAT = Format(
     name="sierra_netcdf",
-    description="Sierra/SD Craig-Bampton reduction, NetCDF-3",
+    description="Sierra/SD Craig-Bampton reduction, NetCDF-3 or NetCDF-4",
     suffixes=(".nc4", ".ncf"),
     sniff=sniff,
-    tested_against="scipy.io.netcdf_file",
+    tested_against="scipy.io.netcdf_file, h5netcdf",
     readers={"read_component": read_component},
 )
