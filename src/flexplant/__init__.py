@@ -31,7 +31,7 @@ _HOME = {
         "with_interface_node",
         "with_proportional_damping",
     ),
-    "assembly": ("Connection", "System", "couple"),
+    "assembly": ("Connection", "System", "characteristic_interface", "couple"),
     "modes": ("Modes", "effective_mass", "mac", "normal_modes"),
     "verification": ("Check", "CheckReport", "Reference", "check_component", "mass_properties", "strain_energy", "verify"),
     "verification.reduction_error": ("estimate_error",),

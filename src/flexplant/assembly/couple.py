@@ -51,7 +51,14 @@ def couple(
         if not isinstance(placements[name], Placement):
             raise CouplingError(f"placements: {name!r} needs a Placement, got {type(placements[name]).__name__}")
     _check_units(parts)
-    resolved = [resolve(c, by_name, placements) for c in _distinct(connections)]
+    return assembled(parts, placements, [resolve(c, by_name, placements) for c in _distinct(connections)], method)
+
+
+def assembled(
+    parts: tuple[Component, ...], placements: Mapping[str, Placement], resolved: Sequence[Resolved], method: str
+) -> System:
+    """The system of components whose connections are resolved into rows; errors as for `couple`."""
+    by_name = {c.name: c for c in parts}
     ends = list(accumulate(c.n for c in parts))
     offsets = {c.name: slice(end - c.n, end) for c, end in zip(parts, ends, strict=True)}
     rigid = [row for r in resolved if r.connection.rigid for row in r.rows]
