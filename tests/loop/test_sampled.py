@@ -14,6 +14,8 @@ from flexplant.loop import hybrid_recursion
 from flexplant.loop.close import close
 from flexplant.loop.diagram import Diagram
 from flexplant.loop.frequency import frequency_response
+from flexplant.loop.hybrid import hybrid_of
+from flexplant.loop.monodromy import multipliers
 from flexplant.loop.simulate import simulate
 from flexplant.plant.discretize import discretize
 from flexplant.plant.modal import ModalPlant
@@ -192,6 +194,27 @@ def test_a_compiled_function_fails_as_in_python(function, error, message):
     for compiled in (numba.njit(function), function):
         with pytest.raises(error, match=message):
             with_function(compiled, nt=600, initial=None)
+
+
+@pytest.mark.parametrize("rate", [1, 3])
+def test_multipliers_are_the_poles_of_the_discrete_loop(rate):
+    slow = transfer_function([-3.0, 2.0], [1.0, -0.3], dt=rate * DT)
+    found = multipliers(hybrid_of(servo(structure(), slow)), DT, rate)
+    expected = np.linalg.eigvals(close(servo(discretize(structure(), rate * DT), slow)).A)
+    assert found.size == expected.size
+    assert abs(found[:, None] - expected).min(axis=1).max() < 1e-9
+    assert abs(found[:, None] - expected).min(axis=0).max() < 1e-9
+
+
+def test_a_sampled_loop_that_grows_is_refused_before_it_runs():
+    unstable = servo(structure(), transfer_function([-3e4, 2.0], [1.0, -0.3], dt=2 * DT))
+    t = np.arange(50) * DT
+    with pytest.raises(InputError, match=r"unstable: multiplier z = .* over 0\.002 s, outside the unit circle"):
+        simulate(unstable, t)
+    grown = abs(simulate(unstable, np.arange(800) * DT, disturbance(800), unstable="allow").outputs[0].values)
+    assert grown[-100:].max() > 100 * grown[:100].max()
+    with pytest.raises(InputError, match="not a choice"):
+        simulate(unstable, t, unstable="maybe")
 
 
 def test_a_loop_that_overflows_says_where_and_when():

@@ -14,6 +14,7 @@ from flexplant.loop.diagram import Diagram
 from flexplant.loop.fused import recursion_of
 from flexplant.loop.hybrid import hybrid_of
 from flexplant.loop.hybrid_recursion import HybridRecursion
+from flexplant.loop.monodromy import refuse_growing
 from flexplant.loop.recursion import Runner
 from flexplant.model.arrays import FloatArray, real_values
 
@@ -30,6 +31,9 @@ def runner_of(system: Simulated, dt: float, initial: Initial, hold: str, every: 
     """The resumable recursion of a system from its initial state; see `simulate` for what is refused."""
     if isinstance(system, Diagram) and system.is_sampled:
         hybrid = hybrid_of(system)
+        _check_choice(unstable)
+        if unstable == "error":
+            refuse_growing(hybrid, dt, system.name, GROWTH)
         warn_if_unresolved(hybrid.linear, dt)
         start = np.r_[np.zeros(hybrid.linear.n_states), hybrid.initial]
         given = initial_state(start.size, initial, start)
@@ -41,12 +45,16 @@ def runner_of(system: Simulated, dt: float, initial: Initial, hold: str, every: 
 
 def checked_cascade(system: Simulated, unstable: str) -> Cascade:
     """The cascade of a linear system; InputError with the pole for one that grows, unless unstable is "allow"."""
-    if unstable not in ("error", "allow"):
-        raise InputError(f"unstable={unstable!r} is not a choice." + nearest(str(unstable), ("error", "allow")))
+    _check_choice(unstable)
     cascade = cascade_of(system)
     if unstable == "error":
         _refuse_growth(cascade, system.name)
     return cascade
+
+
+def _check_choice(unstable: str) -> None:
+    if unstable not in ("error", "allow"):
+        raise InputError(f"unstable={unstable!r} is not a choice." + nearest(str(unstable), ("error", "allow")))
 
 
 def _refuse_growth(cascade: Cascade, name: str) -> None:
