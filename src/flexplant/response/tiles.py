@@ -36,14 +36,17 @@ def tile(left, at, near, table, first, smooth, place, terms, basis, begin, direc
         out[begin : begin + 2 * STRIP] = sums[r].ravel()
 
 
-def receptances(modal, damping, first, last, omega, start, table, place) -> None:  # type: ignore[no-untyped-def]
-    """table (last - first, 2, STRIP), flat from `place` on: 1 / (wn^2 - w^2 + i damping w); nothing for wn = w = 0."""
+def receptances(modal, damping, first, last, center, offset, start, table, place) -> None:  # type: ignore[no-untyped-def]
+    """table (last - first, 2, STRIP), flat from `place` on: 1 / (wn^2 - w^2 + i damping w) at STRIP w = center + offset.
+
+    Nodes in a narrow block keep their offsets' digits, which their sum with the center would round away. 0 for wn = w = 0.
+    """
     for i in range(first, last):
-        wn, begin = modal[i], place + (i - first) * 2 * STRIP
+        below, above, begin = modal[i] - center, modal[i] + center, place + (i - first) * 2 * STRIP
         for s in range(STRIP):
-            w = omega[start + s]
-            real = (wn - w) * (wn + w)  # keeps its digits near wn
-            imaginary = damping[i] * w
+            x = offset[start + s]
+            real = (below - x) * (above + x)  # keeps its digits near wn
+            imaginary = damping[i] * (center + x)
             size = real * real + imaginary * imaginary
             scale = 1 / size if size > 0 else 0.0
             table[begin + s] = real * scale
@@ -86,13 +89,13 @@ def sum_blocks(left, modal, damping, omega, blocks, nodes, transform, order, dir
         center, half = 0.5 * (omega[start] + omega[stop - 1]), 0.5 * (omega[stop - 1] - omega[start])
         if terms:
             for s in range(STRIP):
-                work[2 * SIZE + s] = center + half * nodes[s]
-            receptances(modal, damping, 0, n, work, 2 * SIZE, tables, 0)
+                work[2 * SIZE + s] = half * nodes[s]
+            receptances(modal, damping, 0, n, center, work, 2 * SIZE, tables, 0)
             for k in range(low * wide, high * wide):
                 tables[k] = 0.0
         for k in range(strips):
             at = min(start + k * STRIP, stop - STRIP)
-            receptances(modal, damping, low, high, omega, at, tables, (n + k * near) * wide)
+            receptances(modal, damping, low, high, 0.0, omega, at, tables, (n + k * near) * wide)
             if terms:
                 polynomials(omega, at, center, half, bases, k * square)
         for t in range(blocks[b, 4], blocks[b, 5], ROWS):
@@ -115,10 +118,10 @@ def sum_blocks_numpy(left, modal, damping, omega, blocks, nodes, transform, orde
     values = out.view(np.complex128).reshape(-1, omega.size)
     for start, stop, low, high, above, below in blocks:
         w, near, these = omega[start:stop], slice(low, high), all_columns[above:below]
-        real, imaginary = (these[:, near] @ table for table in _receptances_numpy(modal[near], damping[near], w))
+        real, imaginary = (these[:, near] @ table for table in _receptances_numpy(modal[near], damping[near], 0.0, w))
         if high - low < n:
             center, half = 0.5 * (w[0] + w[-1]), 0.5 * (w[-1] - w[0])
-            at_nodes = _receptances_numpy(modal, damping, center + half * nodes)
+            at_nodes = _receptances_numpy(modal, damping, center, half * nodes)
             at_nodes[:, near] = 0.0
             basis = np.polynomial.chebyshev.chebvander((w - center) / half, STRIP - 1).T
             real += (these @ at_nodes[0] @ transform) @ basis
@@ -127,13 +130,13 @@ def sum_blocks_numpy(left, modal, damping, omega, blocks, nodes, transform, orde
         values[rows[above:below], start:stop] = block + direct[above:below, None]
 
 
-def _receptances_numpy(modal: FloatArray, damping: FloatArray, omega: FloatArray) -> FloatArray:
+def _receptances_numpy(modal: FloatArray, damping: FloatArray, center: float, offset: FloatArray) -> FloatArray:
     """(2, n, nf) real and imaginary parts, as `receptances`."""
-    table = np.empty((2, modal.size, omega.size))
-    np.subtract(modal[:, None], omega, out=table[0])
-    size = modal[:, None] + omega
+    table = np.empty((2, modal.size, offset.size))
+    np.subtract((modal - center)[:, None], offset, out=table[0])
+    size = (modal + center)[:, None] + offset
     table[0] *= size
-    np.multiply(-damping[:, None], omega, out=table[1])
+    np.multiply(-damping[:, None], center + offset, out=table[1])
     np.multiply(table[0], table[0], out=size)
     size += table[1] * table[1]
     table *= np.divide(1.0, size, out=np.zeros_like(size), where=size > 0)
