@@ -178,7 +178,7 @@ def shift_invert(
     widest = WIDER * block
     while True:
         found, columns = _searched(factor, problem, wanted, block, shift, rigid, memory_limit, progress)
-        expected, limit = _expected(factor, problem, wanted, found, columns, verify_count)
+        expected, limit = _expected(factor, problem, wanted, found, columns, verify_count, abs(shift))
         have = int(np.count_nonzero(found.omega2 <= limit))
         if expected is None or have == expected:
             rest = residuals(problem.stiffness, problem.mass, found.omega2, found.vectors)
@@ -215,16 +215,25 @@ def _searched(
 
 
 def _expected(
-    factor: Factor, problem: Pencil, wanted: Wanted, found: LanczosPairs, columns: int, verify_count: bool | None
+    factor: Factor,
+    problem: Pencil,
+    wanted: Wanted,
+    found: LanczosPairs,
+    columns: int,
+    verify_count: bool | None,
+    noise: float,
 ) -> tuple[int | None, float]:
-    """How many modes there are below a limit, None where that is not counted; and the limit."""
+    """How many modes there are below a limit, None where that is not counted; and the limit.
+
+    noise: w^2 up to which modes may be rigid-body motions, whose order is round-off: nothing is counted among them.
+    """
     if wanted.count is not None and (wanted.n_modes is None or wanted.count <= wanted.n_modes):
         return wanted.count, np.inf
     wish = is_cheap(problem.analysis.estimate, factor, columns) if verify_count is None else verify_count
-    if not wish or not found.omega2.size or found.omega2[-1] <= 0:
+    if not wish or not found.omega2.size or found.omega2[-1] <= noise:
         return None, np.inf
     limit = gap_below_last(found.omega2)
-    return problem.count_below(limit), limit
+    return (problem.count_below(limit), limit) if limit > noise else (None, np.inf)
 
 
 def _refuse_indefinite(mass: Any) -> None:
