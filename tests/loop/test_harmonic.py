@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from flexplant.blocks.tones import Tones, rms
-from flexplant.blocks.wheel import Wheel, wheel_tones
+from flexplant.blocks.wheel import Wheel, harmonic_amplitudes, wheel_tones
 from flexplant.errors import InputError
 from flexplant.loop.cascade import cascade_of
 from flexplant.loop.close import close
@@ -15,6 +15,7 @@ from flexplant.loop.line_of_sight import closed_loop_transfer, line_of_sight_dia
 from flexplant.loop.steady import input_amplitudes, output_amplitudes, steady_states
 from flexplant.loop.tone_sweep import ToneSweep
 from flexplant.plant.modal import ModalPlant
+from flexplant.response import receptance
 from flexplant.response.frequency import frequency_response
 
 
@@ -140,3 +141,40 @@ def test_tones_come_in_any_order(published, plant):
     )
     assert first.values[:, [3, 1, 0, 2]] == pytest.approx(second.values, rel=1e-12)
     assert list(second["frequency"].values) == down
+
+
+def test_speeds_may_come_twice_and_in_any_order(published, plant, wheel):
+    system = line_of_sight_diagram(published, plant)
+    sweep = wheel_speed_sweep(system, wheel, [30.0, 5.0, 30.0])
+    assert list(sweep.omega_hz.values) == [30.0, 5.0, 30.0]
+    assert np.array_equal(sweep.amplitude.values[:, :, 0], sweep.amplitude.values[:, :, 2])
+    for k, speed in enumerate((30.0, 5.0)):
+        one = wheel_speed_sweep(system, wheel, [speed])
+        assert sweep.amplitude.values[:, :, k] == pytest.approx(one.amplitude.values[:, :, 0], rel=1e-11)
+        assert sweep.rms.values[:, k] == pytest.approx(one.rms.values[:, 0], rel=1e-11)
+
+
+@pytest.mark.parametrize("fallback", [False, True])
+def test_sweep_of_every_kind_of_output(wheel, fallback, monkeypatch):
+    """Displacement, velocity and acceleration rows, rigid-body and overdamped modes, against the plant's response."""
+    rng = np.random.default_rng(4)
+    omega = np.r_[0.0, 0.0, rng.uniform(50, 4000, 80)]
+    plant = ModalPlant(
+        omega=omega,
+        zeta=np.r_[0.0, 0.0, rng.uniform(1e-3, 2.0, 80)],
+        shape_in=rng.normal(size=(82, 6)),
+        shape_out=rng.normal(size=(3, 82)) * np.array([[1], [0], [1]]),
+        shape_out_velocity=rng.normal(size=(3, 82)) * np.array([[0], [1], [1]]),
+        shape_out_acceleration=rng.normal(size=(3, 82)) * np.array([[0], [0], [1]]),
+        inputs=wheel.inputs,
+        outputs=["x", "v", "all"],
+    )
+    if fallback:
+        monkeypatch.setattr(receptance, "summed", receptance.summed.fallback)
+    speeds = np.linspace(2.0, 150.0, 300)
+    sweep = wheel_speed_sweep(plant, wheel, speeds)
+    harmonics, amplitudes = harmonic_amplitudes(wheel)
+    for h, a in zip(harmonics, amplitudes.T, strict=True):
+        expected = np.einsum("oif,i->of", frequency_response(plant, h * speeds).values, a) * speeds**2
+        found = sweep.amplitude.sel(harmonic=h).values
+        assert (abs(found - expected).max(axis=1) / abs(expected).max(axis=1)).max() < 1e-12

@@ -119,3 +119,20 @@ def test_at_rest(route):
     )
     rigid = only.shape_out_acceleration[:, :2] @ only.shape_in[:2]
     assert np.allclose(frequency_response(only, hz).values[:, :, 0], rigid, rtol=1e-13)
+
+
+def test_acceleration_of_a_rigid_body_beside_a_relative_displacement(route):
+    """One output of two kinds, of which only the acceleration sees the rigid-body mode: finite at 0 Hz."""
+    mixed = ModalPlant(
+        omega=[0.0, 40.0],
+        zeta=[0.0, 0.02],
+        shape_in=[[2.0], [1.0]],
+        shape_out=[[0.0, 3.0]],
+        shape_out_acceleration=[[5.0, 1.0]],
+        inputs=["f"],
+        outputs=["y"],
+    )
+    hz = np.r_[0.0, np.linspace(0.1, 30, 60)]
+    found, w = frequency_response(mixed, hz).values[0, 0], 2 * np.pi * hz
+    expected = 10.0 + (3.0 - w**2) / (40.0**2 - w**2 + 2j * 0.02 * 40.0 * w)
+    assert np.allclose(found, expected, rtol=1e-12)
