@@ -30,8 +30,11 @@ import numpy as np
 from pyyeti import ode
 from threadpoolctl import threadpool_limits
 
+from flexplant.blocks.sampled import SampledBlock, saturation, user_block
+from flexplant.blocks.transfer_function import transfer_function
 from flexplant.blocks.wheel import Wheel, harmonic_amplitudes
 from flexplant.loop.close import close
+from flexplant.loop.diagram import Diagram
 from flexplant.loop.harmonic import wheel_speed_sweep
 from flexplant.loop.line_of_sight import LineOfSight, line_of_sight_diagram
 from flexplant.loop.simulate import simulate
@@ -213,7 +216,52 @@ def time_rows() -> list[Row]:
         "same, closed loop with a 4-state mirror", "ours without the loop", 1 / 1.5, lambda: simulate(loop, t, u), opened
     )
     rate = Row("steps per second, closed loop (millions)", "-", 4.0, closed.ours, None, units=1e-6 * nt, unit="M/s")
-    return [*rows, closed, rate]
+    return [*rows, closed, rate, *sampled_rows(p, t, u)]
+
+
+def sampled_rows(p: ModalPlant, t: np.ndarray, u: np.ndarray) -> list[Row]:
+    """Nonlinear and digital blocks with all modes inside their loop, and a user's function there."""
+    controller = transfer_function([-3e-4, 2e-4], [1.0, -0.3], dt=DT)
+
+    def clipped(_: float, force: np.ndarray) -> np.ndarray:
+        return np.minimum(np.maximum(force, -1.0), 1.0)
+
+    def loop(law: SampledBlock) -> Diagram:
+        ports = law.inputs[0], law.outputs[0]
+        return Diagram(
+            blocks={"plant": p, "controller": controller, "law": law},
+            connections=[("plant.y0", "controller.u"), ("controller.y", f"law.{ports[0]}"), (f"law.{ports[1]}", "plant.u0")],
+            inputs={f"u{k}": f"plant.u{k}" for k in range(1, 6)},
+            outputs={f"y{k}": f"plant.y{k}" for k in range(6)},
+        )
+
+    blocks = {"a saturation": saturation(-1.0, 1.0), "a user's function": user_block(clipped, inputs=["u"], outputs=["y"])}
+    return [
+        Row(
+            f"steps per second (millions), digital controller and {name} around 200 modes",
+            "-",
+            0.0,
+            lambda law=law: simulate(loop(law), t, u[1:]),
+            None,
+            units=1e-6 * t.size,
+            unit="M/s",
+        )
+        for name, law in blocks.items()
+    ]
+
+
+def time_compilation() -> str:
+    """Processor seconds of first simulations: nothing compiled yet, and kept on disk."""
+    plant_of = "from flexplant import ModalPlant as M, simulate, Diagram, saturation; import numpy as n; o = n.ones((1, 1)); "
+    plant_of += "p = M(omega=[9.0], zeta=0.1, shape_in=o, shape_out=o, inputs=['u'], outputs=['y']); at = n.arange(99) * 1e-3; "
+    loop = "Diagram(blocks={'p': p, 's': saturation(-1, 1)}, connections=[('p.y', 's.u'), ('s.y', 'p.u')], outputs={'y': 'p.y'})"
+    with tempfile.TemporaryDirectory() as folder:
+        runs = [plant_of + f"simulate({system}, at)" for system in ("p", "p", loop, loop)]
+        cold, warm, sampled_cold, sampled_warm = (started(code, NUMBA_CACHE_DIR=folder) for code in runs)
+    return (
+        f"First simulation in a fresh interpreter, all imports included: {cold:.2f} s where nothing is compiled yet, {warm:.2f} s"
+        f" afterwards; with sampled blocks {sampled_cold:.2f} s, {sampled_warm:.2f} s afterwards."
+    )
 
 
 def sweep_rows() -> list[Row]:
@@ -283,6 +331,9 @@ def without_slycot(call: Callable[[], Any]) -> Any:
         return call()
 
 
+PARTS = {"frequency": frequency_rows, "time": time_rows, "sweeps": sweep_rows}
+
+
 def seconds(call: Callable[[], Any]) -> float:
     """Processor time of one call in this process: its wall time where nothing else runs, and fair to both sides elsewhere."""
     start = time.process_time()
@@ -329,14 +380,16 @@ def main() -> None:
     """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--rounds", type=int, default=3)
-    rounds = parser.parse_args().rounds
+    parser.add_argument("--part", choices=[*PARTS, "all"], default="all")
+    given = parser.parse_args()
+    rounds, parts = given.rounds, list(PARTS) if given.part == "all" else [given.part]
     packages = ("numpy", "scipy", "numba", "control", "slycot", "pyyeti")
     versions = ", ".join(f"{k} {version(k)}" for k in packages)
     print(f"{datetime.date.today()}, Python {platform.python_version()}, {versions}; one thread\n")
     print("| work | peer | ours (median) | peer / ours: median (spread) | at least | | error |")
     print("|---|---|---|---|---|---|---|")
     with threadpool_limits(1):
-        for row in (*frequency_rows(), *time_rows(), *sweep_rows()):
+        for row in (row for part in parts for row in PARTS[part]()):
             print(measured(row, rounds), flush=True)
     imports = min(started("import flexplant") for _ in range(3))
     first = "from flexplant.response.receptance import ModalSum as M; import numpy as n; o = n.ones"
@@ -347,6 +400,7 @@ def main() -> None:
         f"\nimport flexplant: {imports:.3f} s. First frequency response, numba's import included: {kernels:.2f} s, "
         f"or {cold:.2f} s where nothing is compiled yet (processor time)."
     )
+    print(time_compilation())
 
 
 if __name__ == "__main__":

@@ -267,6 +267,7 @@ BODY = ModalPlant(omega=[0.0, 3.0], zeta=0.0, shape_in=[[1.0], [1.0]], shape_out
         (lambda: simulate(BODY, T[::-1]), "not uniform and increasing"),
         (lambda: simulate(BODY, T, np.zeros((2, 5))), r"shape \(2, 5\), but \(1 inputs, 5 instants\)"),
         (lambda: simulate(BODY, T, {"g": 1.0}), "no input 'g'"),
+        (lambda: simulate(BODY, T, [0, np.inf, 1, -np.inf, 0]), "'f' has values that are not finite"),
         (lambda: simulate(BODY, T, {"f": [1.0, 2.0]}), r"input 'f' has shape \(2,\)"),
         (lambda: simulate(BODY, T, [0, 0, np.nan, 0, 0]), "'f' has values that are not finite"),
         (lambda: simulate(BODY, T, xr.DataArray(np.zeros((1, 5)), dims=("a", "time"))), "dims input and time"),

@@ -64,7 +64,7 @@ class FusedRecursion:
         start = self.state - w[0] @ self._ramp
         x[0, :n], x[1, :n], rest[:m] = start[:n], start[n : 2 * n], start[2 * n :]
         out = np.empty((len(range(-self.position % every, nt, every)), self.cascade.D.shape[0]))
-        inputs = np.ascontiguousarray(w[:nt])
+        inputs = np.ascontiguousarray(w[:nt].T)
         march(self._modal, self._other, self._reading, inputs, self._work, out, self.position, every, nt)
         self.position += nt
         self.state = np.r_[x[0, :n], x[1, :n], rest[:m]] + w[nt] @ self._ramp

@@ -37,26 +37,26 @@ def _kept(X, place, n, q, v, with_velocity):
 
 @compiled
 def _advanced(modes, phi, x, U, X, first, count, with_velocity):
-    """Write the modes at `count` samples into X and move x on. modes: (6, n), phi: (nu, n), x: (2, n), U: (samples, nu)."""
-    nu, n, width = U.shape[1], x.shape[1], X.shape[1]
+    """Write the modes at `count` samples into X and move x on. modes: (6, n), phi: (nu, n), x: (2, n), U: (nu, samples)."""
+    (nu, samples), n, width = U.shape, x.shape[1], X.shape[1]
     whole = count // 4 * 4
     for i in range(0, n, PAIR):
         j = i + LANES
         F, G = _coefficients(modes, i, n), _coefficients(modes, j, n)
         q, v, Q, V = load(x, i), load(x, n + i), load(x, j), load(x, n + j)
         for t in range(0, whole, 4):
-            u = (first + t) * nu
             f0, f1, f2, f3 = zero(), zero(), zero(), zero()
             g0, g1, g2, g3 = zero(), zero(), zero(), zero()
             for k in range(nu):
                 p, P = load(phi, k * n + i), load(phi, k * n + j)
-                w = spread(U, u + k)
+                u = k * samples + first + t
+                w = spread(U, u)
                 f0, g0 = add(w, p, f0), add(w, P, g0)
-                w = spread(U, u + nu + k)
+                w = spread(U, u + 1)
                 f1, g1 = add(w, p, f1), add(w, P, g1)
-                w = spread(U, u + 2 * nu + k)
+                w = spread(U, u + 2)
                 f2, g2 = add(w, p, f2), add(w, P, g2)
-                w = spread(U, u + 3 * nu + k)
+                w = spread(U, u + 3)
                 f3, g3 = add(w, p, f3), add(w, P, g3)
             o = t * width
             _kept(X, o + i, n, q, v, with_velocity)
@@ -81,7 +81,7 @@ def _advanced(modes, phi, x, U, X, first, count, with_velocity):
         for t in range(whole, count):
             f0, g0 = zero(), zero()
             for k in range(nu):
-                w = spread(U, (first + t) * nu + k)
+                w = spread(U, k * samples + first + t)
                 f0, g0 = add(w, load(phi, k * n + i), f0), add(w, load(phi, k * n + j), g0)
             _kept(X, t * width + i, n, q, v, with_velocity)
             _kept(X, t * width + j, n, Q, V, with_velocity)
@@ -151,8 +151,8 @@ def march(modal, other, reading, U, X, out, phase, every, count):
         here = min(BLOCK, count - first)
         _advanced(modes, phi, x, U, X, first, here, with_velocity)
         for t in range(here):
-            for k in range(U.shape[1]):
-                X[t, tail + k] = U[first + t, k]
+            for k in range(U.shape[0]):
+                X[t, tail + k] = U[k, first + t]
         if m:
             read_rows(X, 0, 1, here, into_rest, G)
             _rest_advanced(X, width - rest.size, here, A, G, rest)
