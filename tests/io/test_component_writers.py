@@ -188,7 +188,7 @@ def test_simscape_matrices_stand_along_the_common_frame(tmp_path: Path) -> None:
     turn[6:9, 6:9] = turn[9:12, 9:12] = frames[1]
     expected = turn.T @ given.stiffness @ turn
     np.testing.assert_allclose(both[:14], expected, atol=1e-12 * abs(expected).max())
-    assert path.read_text().count("rom.") == 3
+    assert path.read_text().count("rom.") == 4
 
 
 def test_what_cannot_be_written_says_why(tmp_path: Path) -> None:

@@ -1,7 +1,8 @@
 """A component as data of Simscape Multibody's Reduced Order Flexible Solid block: a MATLAB script `.m`, 17 digits.
 
-The block wants interface origins, stiffness, mass (and damping) with six DOF a boundary frame in the order Tx Ty Tz Rx Ry Rz,
-then the modal ones, all along the common reference frame: rows with their own displacement axes are turned into it.
+The block wants interface origins (and orientations, here all along the common frame), stiffness, mass (and damping) with six
+DOF a boundary frame in the order Tx Ty Tz Rx Ry Rz, then the modal ones, all along the common reference frame: rows with
+their own displacement axes are turned into it.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ SIX = [1, 2, 3, 4, 5, 6]
 
 
 def write_component(component: Component, path: Path) -> None:
-    """The script, which defines `rom` with Origins (mm is not assumed: units as in the component), K, M, C.
+    """The script, which defines `rom` with Origins (units as in the component), Orientations, K, M, C.
 
     Raises InputError where a boundary node has not all six DOF in order, or no position.
     """
@@ -38,6 +39,7 @@ def write_component(component: Component, path: Path) -> None:
     lines += [f"% Units: {comment(component.units)}"]
     origins = np.array([nodes.position(n) for n in component.boundary.nodes])
     lines.append(f"rom.Origins = {matlab(origins)};")
+    lines.append(f"rom.Orientations = repmat([1 0 0 0], {len(origins)}, 1); % for releases that ask for unit quaternions")
     for name, matrix in (("K", component.stiffness), ("M", component.mass), ("C", component.damping)):
         if matrix is not None:
             lines.append(f"rom.{name} = {matlab(T.T @ dense(matrix) @ T)};")

@@ -35,17 +35,19 @@ static void drive(const double *u, double force[2][BLOCKS]) {
 }
 
 static void advance(State *now, const Transition *to, bool sloped) {
-  double force[2][BLOCKS], rate[2][BLOCKS];
+  double force[2][BLOCKS];
   drive(now->input, force);
-  if (sloped) drive(now->slope, rate);
   for (int i = 0; i < BLOCKS; i++) {
     const double x = now->x[i], v = now->x[BLOCKS + i];
-    for (int row = 0; row < 2; row++) {
-      double next = to->f[row][0][i] * x + to->f[row][1][i] * v + to->g[row][0][i] * force[0][i] + to->g[row][1][i] * force[1][i];
-      if (sloped) next += to->r[row][0][i] * rate[0][i] + to->r[row][1][i] * rate[1][i];
-      now->x[row * BLOCKS + i] = next;
-    }
+    for (int row = 0; row < 2; row++)
+      now->x[row * BLOCKS + i] = to->f[row][0][i] * x + to->f[row][1][i] * v + to->g[row][0][i] * force[0][i] +
+                                 to->g[row][1][i] * force[1][i];
   }
+  if (!sloped) return;
+  drive(now->slope, force);
+  for (int row = 0; row < 2; row++)
+    for (int i = 0; i < BLOCKS; i++)
+      now->x[row * BLOCKS + i] += to->r[row][0][i] * force[0][i] + to->r[row][1][i] * force[1][i];
 }
 
 static double output(const State *now, int k) {
