@@ -116,3 +116,14 @@ def test_what_does_not_fit_is_told(tmp_path):
         with pytest.raises(ReadError, match=words) as caught:
             fp.read_component(changed(path, **arrays))
         assert "\n" not in str(caught.value)
+
+
+def test_coupled_matrices_hold_structural_damping(tmp_path):
+    from flexplant.study.outputs import write_system
+
+    system = fp.couple([reduced(structural_damping=0.04)], method="primal")
+    with np.load(write_system(system, tmp_path / "system.npz")) as stored:
+        entries = stored["structural_damping_value"], (stored["structural_damping_row"], stored["structural_damping_column"])
+        np.testing.assert_array_equal(sp.coo_array(entries, shape=stored["shape"]).toarray(), system.structural_damping.toarray())
+    with np.load(write_system(fp.couple([reduced()]), tmp_path / "plain.npz")) as stored:
+        assert "structural_damping_value" not in stored

@@ -66,12 +66,14 @@ def write_new(path: str | Path, text: str) -> Path:
 
 
 def write_system(system: System, path: str | Path) -> Path:
-    """Coupled mass, damping and stiffness as triplets (row, column, value from 0), constraint rows and names, in one .npz."""
+    """Coupled mass, damping, stiffness and, where there is some, structural damping as triplets (row, column, value from 0),
+    constraint rows and names, in one .npz."""
     path = Path(path)
     if path.suffix != ".npz":
         raise InputError(f"coupled matrices are written as .npz, got {path.name!r}")
     arrays: dict[str, Any] = {"method": system.method, "labels": system.labels, "constraints": list(system.constraint_labels)}
-    for name in ("mass", "damping", "stiffness"):
+    structural = () if system.structural_damping is None else ("structural_damping",)
+    for name in ("mass", "damping", "stiffness", *structural):
         matrix = sp.coo_array(getattr(system, name))
         arrays |= {f"{name}_row": matrix.row, f"{name}_column": matrix.col, f"{name}_value": matrix.data}
         arrays["shape"] = matrix.shape
