@@ -35,12 +35,15 @@ def matrix_block(name: str, matrix: np.ndarray) -> bytes:
     return out + key(-3 - columns) + key(1) + key(0) + key(0)
 
 
-def dmig_words(name: str, columns: dict[tuple[int, int], list[tuple[int, int, float]]], form: int = 6, count: int = 0) -> bytes:
-    """One matrix as EXTSEOUT(DMIGOP2) stores it: double precision terms by column."""
-    out = name.ljust(8).encode() + struct.pack("<7i", 0, form, 2, 2, 0, 0, count)
+def dmig_words(
+    name: str, columns: dict[tuple[int, int], list[tuple[int, int, float]]], form: int = 6, count: int = 0, kind: int = 2
+) -> bytes:
+    """One matrix as EXTSEOUT(DMIGOP2) stores it: single (1) or double (2) precision terms by column."""
+    value = {1: "f", 2: "d"}[kind]
+    out = name.ljust(8).encode() + struct.pack("<7i", 0, form, kind, kind, 0, 0, count)
     for (grid, component), rows in columns.items():
         out += struct.pack("<2i", grid, component)
-        out += b"".join(struct.pack("<2id", *row) for row in rows) + struct.pack("<2i", -1, -1)
+        out += b"".join(struct.pack(f"<2i{value}", *row) for row in rows) + struct.pack("<2i", -1, -1)
     return out + struct.pack("<2i", -1, -1)
 
 

@@ -146,6 +146,9 @@ def test_dmig_entries_alone_give_a_component_without_positions(tmp_path: Path) -
     np.testing.assert_array_equal(part.stiffness, [[2, -1], [-1, 5]])
     (tmp_path / "d.pch").write_text("GRID,3,,1.,2.,3.\n")
     np.testing.assert_array_equal(read_component(tmp_path / "d.op2").nodes.position(3), [1, 2, 3])
+    single = dmig_words("KAAX", columns, kind=1) + dmig_words("MAAX", {(3, 1): [(3, 1, 1.5)], (90, 0): [(90, 0, 1.0)]})
+    again = read_component(write_op2(tmp_path / "d.op2", {}, {"MATPOOL": KEY + single}))
+    np.testing.assert_array_equal(again.stiffness, part.stiffness)
 
 
 @pytest.mark.parametrize(

@@ -58,6 +58,7 @@ def folder(tmp_path: Path) -> Path:
     ("old", "new", "message"),
     [
         ("PARAM,GRIDSEQ,GRID", "PARAM,GRIDSEQ,BANDIT", "own sequence"),
+        ("PARAM,GRIDSEQ,GRID\n", "", "own sequence"),
         ("SPC1,1,6,40", "RBE2,7,12,123456,40", r"has RBE2, which KGG leaves out"),
         ("SPC1,1,6,40", "SPOINT,90", "scalar points"),
         ("GRID,40,,0.4,0.2,0.3\n", "", r"term \d+ is \(.* in 36 rows"),
