@@ -16,6 +16,7 @@ from flexplant.numerics.compiled import Kernel
 
 ROWS, STRIP = 4, 24  # STRIP is also the number of Chebyshev nodes, so that the nodes of a block are one strip
 SIZE = ROWS * STRIP * 2  # reals in a tile
+CACHED = 2**15  # sums of a block that are made at once, without numba
 
 
 def tile(left, at, near, table, first, smooth, place, terms, basis, begin, direct, out, rows, row, step, shift) -> None:  # type: ignore[no-untyped-def]
@@ -114,20 +115,41 @@ def sum_blocks(left, modal, damping, omega, blocks, nodes, transform, order, dir
 def sum_blocks_numpy(left, modal, damping, omega, blocks, nodes, transform, order, direct, rows, tables, bases, out):  # type: ignore[no-untyped-def]  # noqa: ARG001  one signature
     """The same by matrix products, without numba."""
     n, transform = modal.size, transform.reshape(STRIP, STRIP)
-    all_columns = left.reshape(-1, n, ROWS).transpose(0, 2, 1).reshape(-1, n)
+    columns = left.reshape(-1, n, ROWS).transpose(0, 2, 1).reshape(-1, n)
     values = out.view(np.complex128).reshape(-1, omega.size)
     for start, stop, low, high, above, below in blocks:
-        w, near, these = omega[start:stop], slice(low, high), all_columns[above:below]
-        real, imaginary = (these[:, near] @ table for table in _receptances_numpy(modal[near], damping[near], 0.0, w))
+        w, near, these = omega[start:stop], slice(low, high), columns[above:below]
+        tables = list(_receptances_numpy(modal[near], damping[near], 0.0, w))
+        lefts = [these[:, near]] * 2
         if high - low < n:
             center, half = 0.5 * (w[0] + w[-1]), 0.5 * (w[-1] - w[0])
             at_nodes = _receptances_numpy(modal, damping, center, half * nodes)
             at_nodes[:, near] = 0.0
             basis = np.polynomial.chebyshev.chebvander((w - center) / half, STRIP - 1).T
-            real += (these @ at_nodes[0] @ transform) @ basis
-            imaginary += (these @ at_nodes[1] @ transform) @ basis
-        block = (real + 1j * imaginary) * (1j * w) ** order if order else real + 1j * imaginary
-        values[rows[above:below], start:stop] = block + direct[above:below, None]
+            tables = [np.vstack([table, basis]) for table in tables]
+            lefts = [np.hstack([one, these @ table @ transform]) for one, table in zip(lefts, at_nodes, strict=True)]
+        step = max(CACHED // w.size, 1)
+        for first in range(0, below - above, step):
+            part = slice(first, first + step)
+            sums = _turned(lefts[0][part] @ tables[0], lefts[1][part] @ tables[1], w, order)
+            _write(values, rows[above:below][part], slice(start, stop), sums, direct[above:below][part, None])
+
+
+def _turned(real: FloatArray, imaginary: FloatArray, w: FloatArray, order: int) -> tuple[FloatArray, FloatArray]:
+    """Real and imaginary parts times (i w)^order."""
+    if order == 1:
+        return -w * imaginary, w * real
+    return (real, imaginary) if order == 0 else (-w * w * real, -w * w * imaginary)
+
+
+def _write(values: Any, rows: Any, at: slice, sums: tuple[FloatArray, FloatArray], direct: FloatArray) -> None:
+    """The sums into `rows` of the result; without copies where these follow each other, but for those that fill the last tile."""
+    count = int(rows[-1] - rows[0]) + 1
+    if count <= rows.size and (rows == np.minimum(rows[0] + np.arange(rows.size), rows[-1])).all():
+        target = values[rows[0] : rows[-1] + 1, at]
+        target.real, target.imag = sums[0][:count] + direct[:count] if direct.any() else sums[0][:count], sums[1][:count]
+    else:
+        values[rows, at] = sums[0] + direct + 1j * sums[1]
 
 
 def _receptances_numpy(modal: FloatArray, damping: FloatArray, center: float, offset: FloatArray) -> FloatArray:
