@@ -159,3 +159,17 @@ def test_a_large_loop_and_what_is_not_large():
     nonlinear = Diagram(blocks={"s": fp.saturation(-1.0, 1.0)}, inputs={"u": "s.u"}, outputs={"y": "s.y"})
     with pytest.raises(DiagramError, match="nonlinear"):
         fp.hinf_norm(nonlinear)
+
+
+def test_the_bound_of_a_series_counts_every_product_of_derivatives():
+    """Two equal modes in series: G'' = P'' P + 2 P' P' + P P'', three equal parts at the resonance, all to be covered."""
+    one = ModalPlant(omega=[10.0], zeta=1e-3, shape_in=[[1.0]], shape_out=[[1.0]], inputs=["u"], outputs=["y"])
+    series = Diagram(
+        blocks={"a": one, "b": one}, connections=[("a.y", "b.u")], inputs={"u": "a.u"}, outputs={"y": "b.y"}
+    )  # fmt: skip
+    axis, _ = loop_axes(bordered(series))
+    a, length = np.array([10.0 - 1e-5]), 2e-5
+    bound = axis.curvatures(a, a + length)[0]
+    values = [axis.responses(a + share * length)[0, 0, 0] for share in (0.0, 0.5, 1.0)]
+    exact = abs(values[0] - 2 * values[1] + values[2]) / (length / 2) ** 2
+    assert exact <= bound[0] < 1.2 * exact

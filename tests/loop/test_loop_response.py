@@ -15,6 +15,7 @@ from flexplant.loop.diagram import Diagram
 from flexplant.loop.loop_response import loop_margins, loop_response
 from flexplant.plant.modal import ModalPlant
 from flexplant.plant.state_space import StateSpace
+from flexplant.response.crossings import gain_crossings, phase_crossings, refined_grid
 from flexplant.response.margins import margins as by_pencils
 
 
@@ -185,3 +186,14 @@ def test_other_bad_requests():
     hz = undamped.blocks["plant"].frequency_hz[3]
     with pytest.raises(InputError, match="on mode 3"):
         loop_response(undamped, AT, [hz])
+
+
+def test_a_pole_between_two_points_is_no_crossing():
+    """L = -1 + i / (f - 1) changes the sign of its imaginary part at its pole, and nowhere reaches the real axis."""
+
+    def loops(hz):
+        return (-1 + 1j / (hz - 1))[None, :]
+
+    grid, values = refined_grid(loops, np.linspace(0.55, 2.0, 40))
+    assert phase_crossings(loops, grid, values)[0].size == 0
+    assert gain_crossings(lambda hz: 2 / hz[None, :] + 0j, grid, 2 / grid[None, :] + 0j)[0] == pytest.approx([2.0])

@@ -11,10 +11,12 @@ from flexplant.plant.discretize import discretize
 from flexplant.plant.modal import ModalPlant
 from flexplant.plant.state_space import StateSpace, state_space
 from flexplant.response import modal_bound, norms
+from flexplant.response.first_order import TransferFunction
 from flexplant.response.frequency import frequency_response
 from flexplant.response.interval_bound import Bracket, bracket
 from flexplant.response.modal_bound import ModalAxis
 from flexplant.response.norms import _norm, hinf_norm, singular_values
+from flexplant.response.pole_bound import PoleAxis
 from flexplant.response.singular import stacked_singular_values
 
 KINDS = ("shape_out", "shape_out_velocity", "shape_out_acceleration")
@@ -190,3 +192,46 @@ def test_full_damping_and_badly_conditioned_poles(no_hamiltonian):
     alone = hinf_norm(jordan)
     assert (alone.certificate, alone.upper) == ("", np.inf)
     assert alone.value == pytest.approx(1e4, rel=1e-6)
+
+
+class Parabola:
+    """1 - (t - 1/2)^2 on [0, 1], with its exact curvature."""
+
+    points = np.array([0.0, 1.0])
+
+    def gains(self, t):
+        return 1 - (t - 0.5) ** 2
+
+    def curvatures(self, a, _b):
+        return np.full(a.size, 2.0), np.zeros(a.size, dtype=np.int64)
+
+    def between(self, a, b, fraction, _pole):
+        return a + fraction * (b - a)
+
+
+def test_the_bound_is_exact_for_a_parabola():
+    """(b - a)^2 / 8 times the curvature, no less and no more: undivided, the interval gives the top itself."""
+    found = bracket([Parabola()], Bracket(0.0, 0.0, 0, 0.0), 1e-9, budget=0)
+    assert (found.lower, found.upper) == (0.75, pytest.approx(1.0, rel=1e-15))
+    assert bracket([Parabola()], Bracket(0.0, 0.0, 0, 0.0), 1e-9).upper == pytest.approx(1.0, rel=1e-8)
+
+
+@pytest.mark.parametrize("high", [False, True])
+def test_the_bound_of_one_pole_is_exact_beside_it(high):
+    """A first-order lag: |G''| at the end next to the pole is the bound itself, and no chord is farther off than it allows."""
+    lag = TransferFunction(StateSpace([[-3.0]], [[2.0]], [[1.5]], [[0.2]], ["u"], ["y"]))
+    axis = PoleAxis(lag, lag.residues, 6.0, high)
+    t = np.linspace(0.0, axis.points[-1], 9)
+    a, b = t[:-1], t[1:]
+    s = (lambda x: 1j / x) if high else (lambda x: 1j * x)
+    inside = a + 0.5 * (b - a)
+    ends = [lag(s(np.maximum(x, 1e-12)))[0, 0] for x in (a, b)]
+    off = abs(lag(s(inside))[0, 0] - 0.5 * (ends[0] + ends[1]))
+    bound = axis.curvatures(a, b)[0] * (b - a) ** 2 / 8
+    assert (off <= bound * (1 + 1e-9)).all()
+    exact = 2 * 3.0 / abs(1j * a + 3) ** 3
+    if high:
+        exact = abs((lambda x, h: (lag(s(x + h)) - 2 * lag(s(x)) + lag(s(x - h)))[0, 0] / h**2)(b, 1e-4))
+        assert (exact <= axis.curvatures(a, b)[0] * (1 + 1e-5)).all()
+    else:
+        assert axis.curvatures(a, b)[0] == pytest.approx(exact, rel=1e-12)
