@@ -18,7 +18,7 @@ BLOCK = 8  # a block of 8 columns solves 4-5 times cheaper a column than one by 
 TOLERANCE = 1e-8  # of a Ritz value of the inverse: eigenvalues then are exact to round-off
 BASIS_BYTES = 4e9  # the basis never takes more; beyond that Lanczos restarts thickly
 FIRST_TEST = 6  # blocks, and two columns a wanted mode: no basis has been seen to converge before
-CHEAP_BLOCK = 5000  # unknowns below which three blocks cost less than such a test
+CHEAP_BLOCK = 5000  # unknowns below which two blocks cost less than such a test
 NEXT_TEST = 0.5  # of the blocks after which the decay seen so far would meet the tolerance
 MAX_RESTARTS = 60
 
@@ -67,7 +67,7 @@ def lanczos(
     capacity = _capacity(n, n_modes, block, memory_limit)
     space = Krylov(solve, mass, locked, capacity, block, SEED)
     blocks = restarts = 0
-    test = _Schedule(2 * n_modes + FIRST_TEST * block, block if n >= CHEAP_BLOCK else 3 * block, tolerance)
+    test = _Schedule(2 * n_modes + FIRST_TEST * block, block if n >= CHEAP_BLOCK else 2 * block, tolerance)
     while space.size > space.last:
         if not space.room:
             restarts += 1
