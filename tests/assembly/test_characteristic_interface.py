@@ -167,6 +167,8 @@ def test_by_frequency_and_what_is_refused():
         ],
     )
     for given, name, options, words in (
+        (left, "joint", {"n_modes": 6}, "takes a coupled System, got ReducedComponent"),
+        (system, 5, {"n_modes": 6}, "there is no connection 5"),
         (system, "joint", {}, "give n_modes or max_frequency_hz"),
         (system, "joint", {"n_modes": 3, "max_frequency_hz": 10.0}, "give n_modes or max_frequency_hz"),
         (system, "joint", {"n_modes": 2.5}, "positive whole number, got 2.5"),

@@ -119,6 +119,8 @@ def test_what_is_missing_or_unknown(monkeypatch):
     k, _ = grid(4)
     with pytest.raises(InputError, match="pardiso"):
         analyze(k, backend="pardizo")
+    with pytest.raises(InputError, match="unknown factorization backend 3"):
+        analyze(k, backend=3)
     monkeypatch.setattr(pardiso_backend, "available", lambda: False)
     with pytest.raises(MissingExtraError, match=r"flexplant\[mkl\]"):
         analyze(k, backend="pardiso")

@@ -164,6 +164,8 @@ def test_what_has_no_answer_is_refused():
         fp.craig_bampton(A, [(1, 1)], n_modes=2, structural_damping=np.eye(3))
     with pytest.raises(InputError, match="loss factor"):
         fp.craig_bampton(A, [(1, 1)], n_modes=2, structural_damping=-0.1)
+    with pytest.raises(InputError, match="loss factor"):
+        fp.craig_bampton(A, [(1, 1)], n_modes=2, structural_damping=True)
 
 
 INSIDE = (4, 1)

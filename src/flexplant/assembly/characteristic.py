@@ -46,6 +46,8 @@ def characteristic_interface(
     Raises InputError for an unknown, compliant or grounded connection, interface DOF that other connections use, fewer modes
     than the interface has rigid motions, and impossible numbers. Source: Castanier, Tan and Pierre 2001.
     """
+    if not isinstance(system, System):
+        raise InputError(f"characteristic_interface takes a coupled System, got {type(system).__name__}")
     _check_request(n_modes, max_frequency_hz)
     joint = _joint(system, connection)
     sides = [_interface_rows(system, joint, name) for name in (joint.connection.a, joint.connection.b)]

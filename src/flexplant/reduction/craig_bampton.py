@@ -137,7 +137,7 @@ def _is_count(value: object) -> bool:
 
 def _checked_damping(model: FiniteElementModel, matrix: Matrix | float | None) -> Matrix | None:
     if is_number(matrix):
-        if not 0 <= matrix < np.inf:
+        if isinstance(matrix, bool) or not 0 <= matrix < np.inf:
             raise InputError(f"craig_bampton: a loss factor must be finite and not negative, got {matrix}")
         return matrix * model.stiffness
     return None if matrix is None else checked_symmetric(matrix, len(model.dofs), f"model {model.name!r}: structural damping")

@@ -31,7 +31,7 @@ def analyze(matrix: Any, *, backend: str | None = None, threads: int | None = No
     if backend is None:
         backend = "rslab" if rslab_backend.available() else "superlu"
     if backend not in BACKENDS:
-        raise InputError(f"unknown factorization backend {backend!r}." + nearest(backend, BACKENDS))
+        raise InputError(f"unknown factorization backend {backend!r}." + nearest(str(backend), BACKENDS))
     return BACKENDS[backend](matrix, threads=threads)
 
 
