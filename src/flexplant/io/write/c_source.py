@@ -136,6 +136,6 @@ WRITER = Writer(
     name="c_source",
     description="C99 source and header, no dependency",
     suffixes=(".c",),
-    tested_against="gcc 12 -O3 -std=c99 -Wall -Werror",
+    tested_against="gcc 12, clang 14: -std=c99 -Wall -Wextra -Wpedantic -Wconversion -Werror",
     writers={"write_plant": write_plant},
 )

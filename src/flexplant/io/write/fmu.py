@@ -76,6 +76,6 @@ WRITER = Writer(
     name="fmu",
     description="FMU, FMI 2.0 or 3.0 co-simulation, compiled C and its source inside",
     suffixes=(".fmu",),
-    tested_against="FMPy 0.3",
+    tested_against="FMPy 0.3; compiled by gcc, clang, MinGW",
     writers={"write_plant": write_plant},
 )
