@@ -26,6 +26,7 @@ from typing import Any
 from unittest import mock
 
 import control
+import numba
 import numpy as np
 from pyyeti import ode
 from threadpoolctl import threadpool_limits
@@ -223,6 +224,7 @@ def sampled_rows(p: ModalPlant, t: np.ndarray, u: np.ndarray) -> list[Row]:
     """Nonlinear and digital blocks with all modes inside their loop, and a user's function there."""
     controller = transfer_function([-3e-4, 2e-4], [1.0, -0.3], dt=DT)
 
+    @numba.njit
     def clipped(_: float, force: np.ndarray) -> np.ndarray:
         return np.minimum(np.maximum(force, -1.0), 1.0)
 

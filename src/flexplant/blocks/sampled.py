@@ -106,7 +106,7 @@ def user_block(
 ) -> SampledBlock:
     """y = function(t, u); with `initial`, (y, new state) = function(t, u, state). u, y, state are 1-D arrays; t is in seconds.
 
-    A function that is decorated with numba.njit is compiled into the loop; so is, in runs of some thousand samples, any other
+    A function that is decorated with numba.njit is compiled into the loop; so is, in each run of thousands of samples, any other
     that numba can compile (it must not change anything outside itself). The rest is called in Python at each of its samples, tens
     of microseconds a call; the result's attribute `called_in_python` names those. Raises InputError naming the block and the
     instant where it returns a wrong shape or values that are not finite.

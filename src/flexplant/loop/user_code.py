@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -35,7 +36,8 @@ def c_functions(elements: tuple[Element, ...], *, plain: bool) -> list[Any] | No
             continue
         if numba() is None or block.own is None or not (is_compiled(block.own) or (plain and _is_pure(block.own))):
             return None
-        call = _c_function(block.own, len(block.inputs), block.n_states, len(block.outputs), block.takes_state)
+        made = _kept_c_function if is_compiled(block.own) else _c_function
+        call = made(block.own, len(block.inputs), block.n_states, len(block.outputs), block.takes_state)
         if call is None:
             return None
         found.append(call)
@@ -79,3 +81,7 @@ def _c_function(own: Callable[..., object], nu: int, ns: int, ny: int, takes_sta
             return nb.cfunc(SIGNATURE)(with_state if takes_state else stateless)
         except (nb.core.errors.NumbaError, NotImplementedError, TypeError, ValueError):
             return None
+
+
+# a decorated function keeps the values it was first compiled with; a plain one reads what is around it anew in each run
+_kept_c_function = lru_cache(maxsize=64)(_c_function)
