@@ -235,3 +235,15 @@ def test_the_bound_of_one_pole_is_exact_beside_it(high):
         assert (exact <= axis.curvatures(a, b)[0] * (1 + 1e-5)).all()
     else:
         assert axis.curvatures(a, b)[0] == pytest.approx(exact, rel=1e-12)
+
+
+def test_the_bound_of_a_light_pole_holds_up_to_the_edge_of_the_upper_axis():
+    """There t / d^3 and 1 / d^2 are equal shares of it."""
+    light = TransferFunction(StateSpace([[0.0, 1.0], [-9.0, -0.02]], [[0.0], [1.0]], [[1.0, 0.0]], [[0.0]], ["u"], ["y"]))
+    axis = PoleAxis(light, light.residues, 6.0, high=True)
+    end, h = np.array([1 / 6.0]), 1e-4
+    values = [light(1j / (end + k * h))[0, 0] for k in (-1, 0, 1)]
+    exact = abs(values[0] - 2 * values[1] + values[2]) / h**2
+    bound = axis.curvatures(end, end)[0]
+    assert exact <= bound * (1 + 1e-4)
+    assert axis.curvatures(end, end)[0] < 2 * exact
