@@ -25,9 +25,9 @@ def _read(name: str, spec: ComponentSpec, study: StudySpec, folder: Path) -> Com
     shared = study.damping.ratio if study.damping is not None and study.damping.on == "components" else None
     damping = spec.damping if spec.damping is not None else shared
     if spec.reduce is None:
-        return read_component(folder / spec.file, format=spec.format, name=name, damping=damping, units=_units(spec))
+        return read_component(folder / spec.file, format=spec.format, name=name, damping=damping, units=file_units(spec))
     options = {} if spec.geometry is None else {"geometry": folder / spec.geometry}
-    model = read_model(folder / spec.file, format=spec.format, name=name, units=_units(spec), **options)
+    model = read_model(folder / spec.file, format=spec.format, name=name, units=file_units(spec), **options)
     how = spec.reduce
     return craig_bampton(
         model,
@@ -39,7 +39,8 @@ def _read(name: str, spec: ComponentSpec, study: StudySpec, folder: Path) -> Com
     )
 
 
-def _units(spec: ComponentSpec) -> Any:
+def file_units(spec: ComponentSpec) -> Any:
+    """The units of a component's file as the readers take them."""
     return (spec.units.length_m, spec.units.mass_kg) if isinstance(spec.units, UnitsSpec) else spec.units
 
 

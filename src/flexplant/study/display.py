@@ -13,7 +13,8 @@ from flexplant.model.arrays import FloatArray, dense
 from flexplant.model.display import DisplayMesh
 from flexplant.modes import Modes
 from flexplant.report import StructureView, joined
-from flexplant.study.schema import StudySpec
+from flexplant.study.assemble import file_units
+from flexplant.study.schema import ComponentSpec, StudySpec
 
 
 def structure_view(study: StudySpec, folder: Path, system: System, modes: Modes) -> StructureView | None:
@@ -21,7 +22,7 @@ def structure_view(study: StudySpec, folder: Path, system: System, modes: Modes)
     picked = [number - 1 for number in study.report.mode_shapes if 0 < number <= len(modes)]
     parts = []
     for name, spec in study.components.items():
-        mesh = _mesh(folder / spec.file, spec.format)
+        mesh = _mesh(folder / spec.file, spec)
         if mesh is not None and picked and study.report.display in system.component(name).recovery:
             parts.append((_placed(mesh, system, name), _shapes(study.report.display, system, name, modes.shapes[:, picked])))
     if not parts:
@@ -38,9 +39,9 @@ def structure_view(study: StudySpec, folder: Path, system: System, modes: Modes)
     )
 
 
-def _mesh(path: Path, format_name: str | None) -> DisplayMesh | None:
+def _mesh(path: Path, spec: ComponentSpec) -> DisplayMesh | None:
     try:
-        return read_display_mesh(path, format=format_name)
+        return read_display_mesh(path, format=spec.format, units=file_units(spec))
     except ReadError:  # a format without display meshes is no error: the report then has no view
         return None
 
