@@ -99,10 +99,9 @@ class ToneSweep:
             raise InputError(
                 f"no steady state: a tone at {where:.6g} Hz meets an undamped mode; give it damping, or leave it out"
             )
-        size = abs(self._poles).max(initial=0.0)
-        continuous = self.cascade.dt is None
-        for pole in self._poles[abs(self._poles.real) <= 1e-14 * size] if continuous else self._poles:
-            s = 1j * omega if continuous else np.exp(1j * omega * self.cascade.dt)
+        size, dt = abs(self._poles).max(initial=0.0), self.cascade.dt
+        for pole in self._poles[abs(self._poles.real) <= 1e-14 * size] if dt is None else self._poles:
+            s = 1j * omega if dt is None else np.exp(1j * omega * dt)
             if (abs(s - pole) <= 1e-14 * size).any():
                 raise InputError(
                     f"no steady state: a tone meets an undamped pole of the loop at {abs(pole.imag) / (2 * np.pi):.6g} Hz"
