@@ -209,3 +209,18 @@ def test_frequencies_resolve_every_resonance(tmp_path, spacing):
 def test_frequencies_given_as_a_list_are_taken_as_they_are(tmp_path):
     plant = run_study(write_study(tmp_path)).plant
     np.testing.assert_array_equal(frequency_grid(ResponseSpec(frequency_hz=[3.0, 1.0, 3.0]), plant), [1.0, 3.0])
+
+
+@pytest.mark.parametrize("how", ["accuracy: 1.0e-7", "size: 16"])
+def test_a_study_reduces_to_a_promise_or_a_budget(tmp_path, how):
+    """The unsplit chain alone, reduced in the study, with a force inside it."""
+    reduce = "{boundary: [[1, '123456'], [6, '123456']], max_frequency_hz: 60, " + how + ", loads: [[3, '3']]}"
+    body = "components:\n  body: {file: whole.npz, reduce: " + reduce + "}\ndamping: {ratio: 0.01}\n"
+    text = "title: One body\n" + body + "plant:\n  inputs: [body.3.3]\n  outputs: [body.6.12]\n"
+    result = run_study(write_study(tmp_path, text))
+    whole = chain()
+    expected = elastic_hz(whole.mass, whole.stiffness, 6)
+    expected = expected[expected < 60]
+    assert result.plant.inputs == ("body.3.3",)
+    np.testing.assert_allclose(result.modes.frequency_hz[6 : 6 + expected.size], expected, rtol=1e-7)
+    assert result.modes.frequency_hz.size < len(whole.dofs)

@@ -72,6 +72,7 @@ def test_a_good_file_loads_with_its_values(folder):
         ("  outputs: [b.4.1]\n", "", 7, "'outputs' is missing"),
         ("a.npz", "missing.npz", 3, "no file 'missing.npz'"),
         ("a: a, b: b", "a: a, b: c", 6, "no component 'c'"),
+        ("a.npz}", "a.npz, reduce: {boundary: [[1, '1']], n_modes: 3, size: 9}}", 3, "size goes with max_frequency_hz alone"),
         ("[a.1.1]", "[aa.1.1]", 8, "no component 'aa'"),
     ],
 )

@@ -35,6 +35,9 @@ def _read(name: str, spec: ComponentSpec, study: StudySpec, folder: Path) -> Com
         max_frequency_hz=how.max_frequency_hz,
         n_modes=how.n_modes,
         residual_vectors=how.residual_vectors,
+        accuracy=how.accuracy,
+        size=how.size,
+        loads=how.loads,
         damping_ratio=damping,
     )
 

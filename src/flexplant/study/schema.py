@@ -46,11 +46,21 @@ class ReduceSpec(Section):
     max_frequency_hz: Positive | None = Field(default=None, description="fixed-interface modes up to here")
     n_modes: int | None = Field(default=None, ge=0, description="or this many fixed-interface modes")
     residual_vectors: int = Field(default=0, ge=0, le=10, description="blocks of load-dependent Ritz vectors beside the modes")
+    accuracy: Positive | None = Field(
+        default=None, description="or as many as this relative error of any frequency up to there needs"
+    )
+    size: int | None = Field(default=None, ge=1, description="or the best basis up to there of so many coordinates")
+    loads: list[tuple[NodeId, Directions]] = Field(
+        default=[], description='interior [node, "123"] rows that become inputs and outputs, with their own Ritz vectors'
+    )
 
     @model_validator(mode="after")
     def _one_limit(self) -> ReduceSpec:
         if (self.max_frequency_hz is None) == (self.n_modes is None):
             raise ValueError("give either max_frequency_hz or n_modes")
+        promises = [name for name in ("accuracy", "size") if getattr(self, name) is not None]
+        if len(promises) > 1 or (promises and (self.n_modes is not None or self.residual_vectors)):
+            raise ValueError(f"{promises[0]} goes with max_frequency_hz alone")
         return self
 
 
