@@ -18,7 +18,8 @@ TALKING = {"print", "open", "input"}
 FILES = {"read_text", "write_text", "read_bytes", "write_bytes", "mkdir", "unlink", "savetxt", "loadtxt", "savez", "getenv"}
 PLOTTING = {"matplotlib", "plotly", "pyvista", "rich", "typer", "webbrowser"}
 HEAVY = {"pyyeti", "control", "pandas", "numba", "h5py", "h5netcdf", "slycot", "rslab", "sksparse", "netCDF4"}
-COMPILED = {"numerics/lanes.py", "loop/modal_steps.py", "loop/sampled_lanes.py"}  # written for numba, and imported only once it is known to be there
+# written for numba, and imported only once it is known to be there
+COMPILED = {"numerics/lanes.py", "loop/modal_steps.py", "loop/sampled_lanes.py"}
 LONGEST_FILE, LONGEST_FUNCTION = 400, 60
 
 
