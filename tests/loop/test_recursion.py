@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from flexplant.blocks.delay import sample_delay
-from flexplant.loop import fused, layout, lifted, recursion
+from flexplant.loop import fused, layout, lifted, recursion, tiled
 from flexplant.loop.cascade import cascade_of
 from flexplant.loop.line_of_sight import line_of_sight_diagram
 from flexplant.loop.stepping import stepper
@@ -111,6 +111,31 @@ def test_any_number_of_modes_inputs_and_outputs(n, nu, ny):
         run = march(cascade, 1e-3, w, state, hold, engine="fused")
         assert (abs(run.outputs - outputs).max(axis=1) <= 1e-12 * abs(outputs).max(axis=1)).all()
         assert error(run.final_state, final) < 1e-12
+
+
+@pytest.mark.parametrize(("still", "moving"), [(1, 0), (6, 0), (0, 1), (3, 2), (2, 4), (7, 0)])
+def test_few_rows_are_summed_in_registers(still, moving):
+    """Any mixture of rows with and without velocities, resumed after any number of samples; seven rows are too many."""
+    rng, n, ny = np.random.default_rng(still), 21, still + moving
+    plant = ModalPlant(
+        omega=np.r_[0.0, rng.uniform(1, 2000, n - 1)],
+        zeta=rng.uniform(0, 1, n),
+        shape_in=rng.normal(size=(n, 3)),
+        shape_out=rng.normal(size=(ny, n)),
+        shape_out_velocity=rng.normal(size=(ny, n)) * (np.arange(ny) >= still)[:, None],
+        inputs=list("abc"),
+        outputs=[f"y{k}" for k in range(ny)],
+    )
+    cascade, w, state = cascade_of(plant), rng.normal(size=(3, 120)), rng.normal(size=2 * n)
+    expected, final = one_by_one(cascade, 1e-3, w, state, "first")
+    runner, at, parts = fused.FusedRecursion(cascade, 1e-3, state, "first"), 0, []
+    assert isinstance(runner._steps, tiled.TileSteps) == (ny <= tiled.MOST_ROWS)
+    for count in (1, 7, 40, 3, 66, 2):
+        parts.append(runner.run(w[:, at : at + count + 1].T, count))
+        at += count
+    outputs = np.vstack([*parts, runner.last(w[:, -1])]).T
+    assert (abs(outputs - expected).max(axis=1) <= 1e-12 * abs(expected).max(axis=1)).all()
+    assert error(runner.state, final) < 1e-12
 
 
 def test_rows_that_are_multiples_are_read_once():

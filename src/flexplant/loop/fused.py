@@ -12,7 +12,8 @@ from flexplant.loop.cascade import Cascade
 from flexplant.loop.layout import Layout, aligned, block_length
 from flexplant.loop.lifted import stepped
 from flexplant.loop.recursion import Recursion
-from flexplant.loop.stepping import stepper
+from flexplant.loop.stepping import Stepper, stepper
+from flexplant.loop.tiled import MOST_REST, Rows, TileSteps
 from flexplant.model.arrays import FloatArray
 from flexplant.numerics.compiled import numba
 
@@ -31,6 +32,45 @@ def is_fused(cascade: Cascade) -> bool:
     return march_kernel() is not None and cascade.A.shape[0] <= LARGEST_REST
 
 
+class BlockSteps:
+    """x[k+1] = F x[k] + G w[k] and z = C x + D w for any number of rows: the modes are written down over short blocks."""
+
+    def __init__(self, cascade: Cascade, one: Stepper, causal: FloatArray, D: FloatArray, every: int) -> None:
+        layout = Layout(cascade)
+        self.n, self.m, self.every, self.position = layout.n, layout.m, every, 0
+        self._modal = layout.modal(one, cascade.shape_in)
+        self._other = layout.other(one, causal.T)
+        self._reading = layout.reading(cascade.C_modes, cascade.C, D)
+        self._work = aligned((block_length(), layout.width))
+
+    def advance(self, state: FloatArray, w: FloatArray, first: int, count: int, out: FloatArray, place: int) -> FloatArray:
+        """The state after `count` samples of w (nw, .) from `first` on; writes the kept outputs into out[:, place:]."""
+        march, every, n, m = march_kernel(), self.every, self.n, self.m
+        assert march is not None
+        x, rest = self._modal[2], self._other[3]
+        x[0, :n], x[1, :n], rest[:m] = state[:n], state[n : 2 * n], state[2 * n :]
+        kept = np.empty((kept_samples(self.position, every, count), len(out)))
+        inputs = np.ascontiguousarray(w[:, first : first + count])
+        march(self._modal, self._other, self._reading, inputs, self._work, kept, self.position, every, count)
+        self.position += count
+        out[:, place : place + len(kept)] = kept.T
+        return np.concatenate([x[0, :n], x[1, :n], rest[:m]])
+
+
+def kept_samples(position: int, every: int, count: int) -> int:
+    """How many of `count` samples from `position` on are multiples of `every`."""
+    return len(range(-position % every, count, every))
+
+
+def steps_of(cascade: Cascade, one: Stepper, causal: FloatArray, D: FloatArray, every: int) -> BlockSteps | TileSteps:
+    """The steps that keep the rows' sums in registers where there are few rows and each sample is kept, else those in blocks."""
+    n, m = cascade.omega.size, cascade.A.shape[0]
+    rows = Rows(np.vstack([one.from_modes, cascade.C_modes]), n)
+    if every == 1 and n and m <= MOST_REST and rows.fit:
+        return TileSteps(cascade, one, causal, D, rows)
+    return BlockSteps(cascade, one, causal, D, every)
+
+
 class FusedRecursion:
     """x[k+1] = F x[k] + G w[k] of a cascade, resumable; equal to the lifted `Recursion` to round-off.
 
@@ -44,12 +84,9 @@ class FusedRecursion:
         self.state = state[self.order].copy()
         one, nw = stepper(cascade, dt, hold), cascade.B.shape[1]
         self._ramp = one.drive[nw:]
-        layout = Layout(cascade)
-        self._modal = layout.modal(one, cascade.shape_in)
-        self._other = layout.other(one, (one.drive[:nw] - self._ramp + stepped(one, self._ramp)).T)
+        causal = one.drive[:nw] - self._ramp + stepped(one, self._ramp)
         rows = np.hstack([cascade.C_modes, cascade.C])
-        self._reading = layout.reading(cascade.C_modes, cascade.C, cascade.D + rows @ self._ramp.T)
-        self._work = aligned((block_length(), layout.width))
+        self._steps = steps_of(cascade, one, causal, cascade.D + rows @ self._ramp.T, every)
 
     @property
     def chunk(self) -> int:
@@ -58,17 +95,16 @@ class FusedRecursion:
 
     def run(self, w: FloatArray, nt: int) -> FloatArray:
         """(kept, nz) outputs at the kept samples of nt; the state moves on by nt. w: (nt + 1, nw)."""
-        march, every, n, m = march_kernel(), self.every, self.cascade.omega.size, self.cascade.A.shape[0]
-        assert march is not None
-        x, rest = self._modal[2], self._other[3]
-        start = self.state - w[0] @ self._ramp
-        x[0, :n], x[1, :n], rest[:m] = start[:n], start[n : 2 * n], start[2 * n :]
-        out = np.empty((len(range(-self.position % every, nt, every)), self.cascade.D.shape[0]))
-        inputs = np.ascontiguousarray(w[:nt].T)
-        march(self._modal, self._other, self._reading, inputs, self._work, out, self.position, every, nt)
+        out = np.empty((self.cascade.D.shape[0], kept_samples(self.position, self.every, nt)))
+        self.run_into(np.array(w.T, order="C"), 0, nt, out, 0)
+        return out.T
+
+    def run_into(self, w: FloatArray, first: int, nt: int, out: FloatArray, place: int) -> None:
+        """As `run`, from sample `first` of w (nw, .) on, which has sample first + nt, into out[:, place:]; both contiguous."""
+        start = self.state - w[:, first] @ self._ramp
+        after = self._steps.advance(start, w, first, nt, out, place)
         self.position += nt
-        self.state = np.r_[x[0, :n], x[1, :n], rest[:m]] + w[nt] @ self._ramp
-        return out
+        self.state = after + w[:, first + nt] @ self._ramp
 
     def last(self, w: FloatArray) -> FloatArray:
         """(nz,) outputs at the sample that the state stands at, for the inputs w (nw,)."""

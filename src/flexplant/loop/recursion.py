@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 
@@ -109,18 +109,30 @@ class Runner(Protocol):
         """The outputs (nz,) where it stands."""
 
 
+@runtime_checkable
+class InPlace(Protocol):
+    """A recursion that reads its inputs and writes its outputs where they are, without copies."""
+
+    def run_into(self, w: FloatArray, first: int, nt: int, out: FloatArray, place: int) -> None:
+        """Advance nt samples under w (nw, .) from `first` on; the kept outputs go to out[:, place:]."""
+
+
 def march(
     runner: Runner, w: FloatArray | None, nt: int, sizes: tuple[int, int], every: int = 1, progress: Progress = None
 ) -> Trajectory:
     """Outputs of samples 0, every, ... of nt under the inputs w (nw, nt), or None for free motion; sizes: (nw, nz)."""
     nw, nz = sizes
-    outputs = np.empty((-(-nt // every), nz))
+    outputs = np.empty((nz, -(-nt // every)))
+    given = None if w is None else np.require(w, np.float64, ["C", "W"])
     for start, stop in chunks(nt - 1, runner.chunk):
-        inputs = np.zeros((stop - start + 1, nw)) if w is None else w[:, start : stop + 1].T
+        source, at = (np.zeros((nw, stop - start + 1)), 0) if given is None else (given, start)
         first, last = -(-start // every), -(-stop // every)
-        outputs[first:last] = runner.run(inputs, stop - start)
+        if isinstance(runner, InPlace):
+            runner.run_into(source, at, stop - start, outputs, first)
+        else:
+            outputs[:, first:last] = runner.run(source[:, at : at + stop - start + 1].T, stop - start).T
         if progress is not None:
             progress(stop + 1, nt)
     if (nt - 1) % every == 0:
-        outputs[-1] = runner.last(np.zeros(nw) if w is None else w[:, -1])
-    return Trajectory(outputs.T, runner.whole_state)
+        outputs[:, -1] = runner.last(np.zeros(nw) if w is None else w[:, -1])
+    return Trajectory(outputs, runner.whole_state)

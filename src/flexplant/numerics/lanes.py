@@ -34,11 +34,11 @@ class LanesModel(models.PrimitiveModel):
         super().__init__(manager, kind, VECTOR)
 
 
-def _shuffled(builder, a, b, places):
+def shuffled(builder, a, b, places):
     return builder.shuffle_vector(a, b, ir.Constant(ir.VectorType(INDEX, len(places)), list(places)))
 
 
-def _element(context, builder, signature, arguments):
+def element(context, builder, signature, arguments):
     """Pointer to an element of a contiguous array, by its place in memory."""
     data = context.make_array(signature.args[0])(context, builder, arguments[0]).data
     return builder.gep(data, [arguments[1]])
@@ -49,7 +49,7 @@ def load(_, array, place):
     """The eight values of a contiguous array from `place` on."""
 
     def code(context, builder, signature, arguments):
-        pointer = builder.bitcast(_element(context, builder, signature, arguments), VECTOR.as_pointer())
+        pointer = builder.bitcast(element(context, builder, signature, arguments), VECTOR.as_pointer())
         return builder.load(pointer, align=8)
 
     return lanes(array, types.intp), code
@@ -60,7 +60,7 @@ def store(_, array, place, value):
     """Write eight values into a contiguous array from `place` on."""
 
     def code(context, builder, signature, arguments):
-        pointer = builder.bitcast(_element(context, builder, signature, arguments), VECTOR.as_pointer())
+        pointer = builder.bitcast(element(context, builder, signature, arguments), VECTOR.as_pointer())
         builder.store(arguments[2], pointer, align=8)
         return context.get_dummy_value()
 
@@ -72,9 +72,9 @@ def spread(_, array, place):
     """One value of a contiguous array in all eight lanes."""
 
     def code(context, builder, signature, arguments):
-        value = builder.load(_element(context, builder, signature, arguments))
+        value = builder.load(element(context, builder, signature, arguments))
         empty = ir.Constant(VECTOR, ir.Undefined)
-        return _shuffled(builder, builder.insert_element(empty, value, ir.Constant(INDEX, 0)), empty, [0] * WIDTH)
+        return shuffled(builder, builder.insert_element(empty, value, ir.Constant(INDEX, 0)), empty, [0] * WIDTH)
 
     return lanes(array, types.intp), code
 
@@ -110,7 +110,7 @@ def total(_, a):
         value, width = arguments[0], WIDTH
         while width > 1:
             half = width // 2
-            low, high = (_shuffled(builder, value, value, range(first, first + half)) for first in (0, half))
+            low, high = (shuffled(builder, value, value, range(first, first + half)) for first in (0, half))
             value, width = builder.fadd(low, high), half
         return builder.extract_element(value, ir.Constant(INDEX, 0))
 
@@ -122,7 +122,7 @@ def call_at(_, address, t, u, u0, s, s0, y, y0):
     """Call the C function int(double t, double *u, double *s, double *y) at an address, on places of contiguous arrays."""
 
     def code(context, builder, signature, arguments):
-        places = [_element(context, builder, types.none(*signature.args[k : k + 2]), arguments[k : k + 2]) for k in (2, 4, 6)]
+        places = [element(context, builder, types.none(*signature.args[k : k + 2]), arguments[k : k + 2]) for k in (2, 4, 6)]
         kind = ir.FunctionType(ir.IntType(64), [ir.DoubleType(), *(place.type for place in places)])
         return builder.call(builder.inttoptr(arguments[0], kind.as_pointer()), [arguments[1], *places])
 
