@@ -17,7 +17,7 @@ from flexplant.loop.tiled import MOST_REST, Rows, TileSteps
 from flexplant.model.arrays import FloatArray
 from flexplant.numerics.compiled import numba
 
-CHUNK = 4096  # samples taken at once
+CHUNK = 8192  # samples taken at once
 LARGEST_REST = 64  # other states up to which stepping them one sample at a time is the faster way
 
 

@@ -124,11 +124,12 @@ def march(
     nw, nz = sizes
     outputs = np.empty((nz, -(-nt // every)))
     given = None if w is None else np.require(w, np.float64, ["C", "W"])
+    in_place = runner if isinstance(runner, InPlace) else None
     for start, stop in chunks(nt - 1, runner.chunk):
         source, at = (np.zeros((nw, stop - start + 1)), 0) if given is None else (given, start)
         first, last = -(-start // every), -(-stop // every)
-        if isinstance(runner, InPlace):
-            runner.run_into(source, at, stop - start, outputs, first)
+        if in_place is not None:
+            in_place.run_into(source, at, stop - start, outputs, first)
         else:
             outputs[:, first:last] = runner.run(source[:, at : at + stop - start + 1].T, stop - start).T
         if progress is not None:

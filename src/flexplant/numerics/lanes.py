@@ -35,11 +35,12 @@ class LanesModel(models.PrimitiveModel):
 
 
 def shuffled(builder, a, b, places):
+    """Code that picks lanes of a, counted from 0, and of b, counted on from them."""
     return builder.shuffle_vector(a, b, ir.Constant(ir.VectorType(INDEX, len(places)), list(places)))
 
 
 def element(context, builder, signature, arguments):
-    """Pointer to an element of a contiguous array, by its place in memory."""
+    """Code that points to an element of a contiguous array, by its place in memory."""
     data = context.make_array(signature.args[0])(context, builder, arguments[0]).data
     return builder.gep(data, [arguments[1]])
 
