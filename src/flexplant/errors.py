@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Iterable
+from numbers import Integral
 from pathlib import Path
 
 
@@ -65,6 +66,18 @@ class MissingExtraError(FlexplantError, ImportError):
 
 class PlausibilityWarning(UserWarning):
     """A file whose numbers are hardly those of a structure in the units that were given; nothing was changed."""
+
+
+def expect(value: object, kind: type, what: str, remedy: str) -> None:
+    """InputError unless `value` is a `kind`; `what` takes it, `remedy` says how one is made."""
+    if not isinstance(value, kind):
+        raise InputError(f"{what} takes a {kind.__name__}, got {type(value).__name__}; {remedy}")
+
+
+def expect_count(value: object, what: str, *, least: int = 0) -> None:
+    """InputError unless `value` is a whole number from `least`."""
+    if isinstance(value, bool) or not isinstance(value, Integral) or value < least:
+        raise InputError(f"{what} must be a whole number from {least}, got {value!r:.60}")
 
 
 def nearest(name: str, known: Iterable[str]) -> str:

@@ -12,7 +12,7 @@ import scipy.linalg as la
 import scipy.sparse as sp
 
 from flexplant.assembly import System, component_rigid_body, coupled_stiffness_scale, stiffness_scale
-from flexplant.errors import InputError
+from flexplant.errors import InputError, expect
 from flexplant.model.arrays import FloatArray, dense, frozen, is_number, is_sparse
 from flexplant.model.component import Component, FiniteElementModel
 from flexplant.model.geometry import rigid_body_vectors
@@ -247,6 +247,7 @@ def mac(a: npt.ArrayLike, b: npt.ArrayLike) -> FloatArray:
 
 def effective_mass(modes: Modes, model: Modal, motion: npt.ArrayLike) -> FloatArray:
     """(k, r) modal effective mass (phi^T M R)^2 for rigid-body vectors R (n, r) in the model's coordinates."""
+    expect(modes, Modes, "effective_mass", "normal_modes(system) gives them")
     mass = model.uncoupled_mass if isinstance(model, System) else model.mass
     motion = np.asarray(motion, dtype=float)
     if motion.shape[:1] != (modes.shapes.shape[0],):

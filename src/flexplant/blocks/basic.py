@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import numpy.typing as npt
 
-from flexplant.errors import InputError
+from flexplant.errors import InputError, expect
 from flexplant.model.arrays import real_values
 from flexplant.plant.state_space import StateSpace
 
@@ -104,6 +104,7 @@ def renamed(
     output_units: Sequence[str] | None = None,
 ) -> StateSpace:
     """The same state space under other port names or units: the way an outside model becomes a block."""
+    expect(system, StateSpace, "renamed", "state_space(plant) makes one")
     return replace(
         system,
         name=system.name if name is None else name,

@@ -10,7 +10,7 @@ import xarray as xr
 
 from flexplant.blocks.tones import Tones
 from flexplant.blocks.wheel import Wheel, harmonic_amplitudes
-from flexplant.errors import InputError, nearest
+from flexplant.errors import InputError, expect, nearest
 from flexplant.loop.cascade import cascade_of
 from flexplant.loop.frequency import ComplexArray, Linear, frequency_response
 from flexplant.loop.steady import input_amplitudes
@@ -23,6 +23,7 @@ def harmonic_response(system: Linear, tones: Tones) -> xr.DataArray:
 
     Inputs without a tone are zero. RMS of an output: sqrt(sum |Y_k|^2 / 2) (see `tones.rms`). InputError for an unknown input.
     """
+    expect(tones, Tones, "harmonic_response", "wheel_tones(wheel, omega_hz) makes them")
     amplitude = input_amplitudes(tones, list(system.inputs))
     hz, where = np.unique(tones.frequency_hz, return_inverse=True)
     G = frequency_response(system, hz).values[:, :, where]

@@ -11,7 +11,7 @@ from flexplant.blocks.basic import summing_junction
 from flexplant.blocks.controllers import proportional
 from flexplant.blocks.mirror import steering_mirror
 from flexplant.blocks.optics import AXES, angle_sensor, focal_length_of, line_of_sight_geometry, per_axis, thin_lens
-from flexplant.errors import InputError, nearest
+from flexplant.errors import InputError, expect, nearest
 from flexplant.loop.close import close
 from flexplant.loop.diagram import Diagram
 from flexplant.loop.ports import LinearBlock
@@ -62,6 +62,7 @@ def line_of_sight_diagram(
     signals: what to read, of spot (m), angle (mirror, rad), voltage (V), tilt (lens, rad); outputs "spot_x", "spot_y", ...
     Raises InputError if the plant's outputs do not match the axes, or for an unknown signal; DiagramError from the wiring.
     """
+    expect(los, LineOfSight, "line_of_sight_diagram", "LineOfSight(focal_length=, gain=, mirror_omega=, mirror_zeta=) makes one")
     f, axes = los.focal_length, los.axes
     blocks = {
         "lens": thin_lens(f, axes=axes),
@@ -91,6 +92,7 @@ def line_of_sight_diagram(
 
 def loop_gain(los: LineOfSight) -> StateSpace:
     """L(s) = Kp T(s), diagonal: angle error "error_x", ... to mirror angle "angle_x", ... (rad)."""
+    expect(los, LineOfSight, "loop_gain", "LineOfSight(focal_length=, gain=, mirror_omega=, mirror_zeta=) makes one")
     return close(
         Diagram(
             blocks={"controller": _controller(los), "mirror": _mirror(los)},
@@ -104,6 +106,7 @@ def loop_gain(los: LineOfSight) -> StateSpace:
 
 def closed_loop_transfer(los: LineOfSight) -> StateSpace:
     """L / (1 + L), diagonal: commanded mirror angle "command_x", ... to mirror angle "angle_x", ... (rad)."""
+    expect(los, LineOfSight, "closed_loop_transfer", "LineOfSight(focal_length=, gain=, mirror_omega=, mirror_zeta=) makes one")
     feedback = [(f"mirror.angle_{axis}", f"error_{axis}.measured") for axis in los.axes]
     return close(
         Diagram(
@@ -118,6 +121,7 @@ def closed_loop_transfer(los: LineOfSight) -> StateSpace:
 
 def output_sensitivity(los: LineOfSight) -> StateSpace:
     """1 / (1 + L), diagonal: lens displacement "displacement_x", ... (the output disturbance) to spot "spot_x", ... (m)."""
+    expect(los, LineOfSight, "output_sensitivity", "LineOfSight(focal_length=, gain=, mirror_omega=, mirror_zeta=) makes one")
     return replace(close(line_of_sight_diagram(los)), name="output_sensitivity")
 
 

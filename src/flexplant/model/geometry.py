@@ -8,8 +8,8 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
-from flexplant.errors import ModelError, nearest
-from flexplant.model.arrays import FloatArray, IntArray, frozen
+from flexplant.errors import InputError, ModelError, expect, nearest
+from flexplant.model.arrays import FloatArray, IntArray, frozen, real_values
 from flexplant.model.dofs import DofSet
 
 ORTHOGONALITY_TOLERANCE = 1e-6  # single-precision direction cosines pass, a typing error does not
@@ -35,10 +35,17 @@ def cylindrical_frame(position: npt.ArrayLike, origin: npt.ArrayLike, axes: npt.
     On the axis the radial direction is undefined: there the x axis is taken (MSC Nastran convention for theta = 0).
     """
     rows = check_rotation(axes, "cylindrical frame")
-    local = rows @ (np.asarray(position, dtype=float) - np.asarray(origin, dtype=float))
+    local = rows @ (_point(position, "cylindrical_frame: position") - _point(origin, "cylindrical_frame: origin"))
     radius = float(np.hypot(local[0], local[1]))
     c, s = (local[0] / radius, local[1] / radius) if radius > 1e-12 * (1 + abs(local).max()) else (1.0, 0.0)
     return np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]]) @ rows
+
+
+def _point(values: npt.ArrayLike, what: str) -> FloatArray:
+    point = real_values(values, what)
+    if point.shape != (3,) or not np.isfinite(point).all():
+        raise InputError(f"{what} must be three finite numbers, got shape {point.shape}: {values!r:.60}")
+    return point
 
 
 def cross_matrix(vector: npt.ArrayLike) -> FloatArray:
@@ -136,11 +143,15 @@ def rigid_body_vectors(
     placement); rows in each node's displacement frame; scalar and modal rows (direction 0) are zero:
     u = F R^T [I, -[r]x; 0, I] with r the position relative to `about`.
     """
-    placement = placement or Placement()
+    expect(nodes, Nodes, "rigid_body_vectors", "Nodes(ids, positions) makes them")
+    expect(dofs, DofSet, "rigid_body_vectors", "DofSet.of([(node, direction), ...]) makes one")
+    placement = Placement() if placement is None else placement
+    expect(placement, Placement, "rigid_body_vectors", "Placement(rotation, translation) makes one")
+    centre = _point(about, "rigid_body_vectors: about")
     rows = np.zeros((len(dofs), 6))
     for node in dofs.nodes:
         to_local = nodes.frame(node) @ placement.rotation.T
-        arm = placement.apply(nodes.position(node)) - np.asarray(about, dtype=float)
+        arm = placement.apply(nodes.position(node)) - centre
         motion = np.zeros((6, 6))
         motion[:3, :3], motion[3:, 3:] = to_local, to_local
         motion[:3, 3:] = -to_local @ cross_matrix(arm)

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import scipy.sparse as sp
 
-from flexplant.errors import InputError, nearest
+from flexplant.errors import InputError, expect, nearest
 from flexplant.model.arrays import FloatArray, Matrix, is_number
 from flexplant.model.component import Component, FiniteElementModel
 from flexplant.model.dofs import DofSet
@@ -116,6 +116,7 @@ def component_to_si(component: Component, units: str | UnitSystem | tuple[float,
     Mass written as weight ("inch-lbf") is divided by g: all frequencies, those of Kqq too, are then sqrt(g) times the file's.
     Recovery rows keep the file's own row units (a stress row cannot be told from a displacement row).
     """
+    expect(component, Component, "component_to_si", "read_component gives one, craig_bampton reduces a model to one")
     system = unit_system(units)
     d, energy = _old_per_si(component.dofs, system), system.mass * system.length**2
     return replace(
@@ -133,6 +134,7 @@ def component_to_si(component: Component, units: str | UnitSystem | tuple[float,
 
 def model_to_si(model: FiniteElementModel, units: str | UnitSystem | tuple[float, float]) -> FiniteElementModel:
     """The finite-element model converted to SI, see `component_to_si`."""
+    expect(model, FiniteElementModel, "model_to_si", "read_model gives one from a file")
     system = unit_system(units)
     d, energy = _old_per_si(model.dofs, system), system.mass * system.length**2
     return replace(

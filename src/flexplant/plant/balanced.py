@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.linalg
 
-from flexplant.errors import InputError, SolverError
-from flexplant.model.arrays import FloatArray
+from flexplant.errors import InputError, SolverError, expect, expect_count
+from flexplant.model.arrays import FloatArray, is_number
 from flexplant.plant.state_space import StateSpace, channels_of
 
 ON_AXIS = 1e-10  # stability margin relative to the largest pole below which a pole counts as not stable (integrators)
@@ -34,6 +34,7 @@ def balanced_truncation(system: StateSpace, *, order: int | None = None, toleran
     singular value. Continuous or discrete. Raises InputError unless exactly one of the two is given, or out of range.
     Source: Moore 1981; Enns 1984; Tombs and Postlethwaite 1987.
     """
+    expect(system, StateSpace, "balanced_truncation", "state_space(plant) makes one")
     if (order is None) == (tolerance is None):
         raise InputError("balanced_truncation: give either order or tolerance")
     stable, rest = split_stable(system)
@@ -52,13 +53,14 @@ def balanced_truncation(system: StateSpace, *, order: int | None = None, toleran
 def _count(values: FloatArray, order: int | None, tolerance: float | None, unstable: int, system: StateSpace) -> int:
     numerical = int(np.count_nonzero(values > values.max(initial=0.0) * 1e-15))
     if order is not None:
+        expect_count(order, "balanced_truncation: order")
         if not unstable <= order <= system.n_states:
             raise InputError(
                 f"balanced_truncation: order = {order}, but it must lie between the {unstable} states that are not stable "
                 f"and all {system.n_states}"
             )
         return min(order - unstable, numerical)
-    if tolerance is None or not 0 <= tolerance < np.inf:
+    if not is_number(tolerance) or not 0 <= tolerance < np.inf:
         raise InputError(f"balanced_truncation: tolerance must be finite and not negative, got {tolerance!r}")
     tail = 2 * np.cumsum(values[::-1])[::-1]
     return min(int(np.count_nonzero(tail > tolerance * values.max(initial=0.0))), numerical)

@@ -65,7 +65,7 @@ def input_matrix(system: System, inputs: Sequence[str]) -> InputColumns:
     Raises InputError with the nearest names for an unknown component, node or direction.
     """
     found: list[tuple[str, sp.csr_array, str]] = []
-    for name in _listed(inputs, "inputs"):
+    for name in listed_names(inputs, "inputs"):
         component, node, directions = _dof_name(system, name)
         found += [(f"{component}.{node}.{d}", _row(system, component, node, d, name), _unit(d, "N", "N m")) for d in directions]
     names = _distinct([f[0] for f in found], "inputs")
@@ -82,7 +82,7 @@ def output_matrices(system: System, outputs: Sequence[str]) -> OutputRows:
     "connection.force.node_a.direction": force that side a exerts on side b; "connection.force" for all of them.
     Raises InputError with the nearest names for what is not there.
     """
-    channels = [channel for name in _listed(outputs, "outputs") for channel in _output(system, name)]
+    channels = [channel for name in listed_names(outputs, "outputs") for channel in _output(system, name)]
     stacked = {kind: _stack(channels, kind, system.n) for kind in ("displacement", "velocity", "acceleration", "force")}
     used = {kind: m if any(kind in c.rows for c in channels) else None for kind, m in stacked.items()}
     return OutputRows(
@@ -96,12 +96,13 @@ def output_matrices(system: System, outputs: Sequence[str]) -> OutputRows:
     )
 
 
-def _listed(names: Sequence[str], what: str) -> list[str]:
+def listed_names(names: Sequence[str], what: str) -> list[str]:
+    """The names as a list; InputError for one text or anything that is no name."""
     if isinstance(names, str) or not isinstance(names, Iterable):
-        raise InputError(f"{what} must be a list of names such as ['bus.101.1'], got {names!r}")
+        raise InputError(f"{what} must be a list of names such as ['bus.101.1'], got {names!r:.60}")
     names = list(names)
     if not all(isinstance(name, str) for name in names):
-        raise InputError(f"{what} must be a list of names such as ['bus.101.1'], got {names!r}")
+        raise InputError(f"{what} must be a list of names such as ['bus.101.1'], got {names!r:.60}")
     return names
 
 

@@ -31,14 +31,18 @@ def ratio_damping(ratio: DampingRatio, omega: FloatArray) -> ModalDamping:
     return ModalDamping(zeta, None, True, {"damping": "ratios given for the coupled modes"})
 
 
+def check_choice(choice: object) -> None:
+    """InputError unless `choice` says what to do with damping that couples modes."""
+    if not isinstance(choice, str) or choice not in CHOICES:
+        raise InputError(f"off_diagonal_damping={choice!r:.60} is not a choice." + nearest(str(choice), CHOICES))
+
+
 def projected_damping(damping: Any, shapes: FloatArray, omega: FloatArray, choice: str) -> ModalDamping:
     """Phi^T Z Phi (n, n). choice "keep" keeps it full where modes are coupled by damping; "drop" keeps its diagonal.
 
     damping: (m, m) physical Z; shapes: (m, n) mass-normalised. The report states the largest coupling
-    |z_ij| / sqrt(z_ii z_jj), its pair of modes and their frequencies. Raises InputError for another choice.
+    |z_ij| / sqrt(z_ii z_jj), its pair of modes and their frequencies.
     """
-    if choice not in CHOICES:
-        raise InputError(f"off_diagonal_damping={choice!r} is not a choice." + nearest(str(choice), CHOICES))
     Z = _without_round_off(damping, shapes, omega)
     size = np.sqrt(np.maximum(np.diag(Z), 0.0))
     coupling = np.divide(abs(Z), np.outer(size, size), out=np.zeros_like(Z), where=np.outer(size, size) > 0)

@@ -9,12 +9,19 @@ from typing import Any
 import numpy as np
 
 from flexplant.assembly import System
-from flexplant.errors import InputError, ModelError, nearest
+from flexplant.errors import InputError, ModelError, expect, nearest
 from flexplant.model.arrays import FloatArray, real_values
 from flexplant.model.damping import DampingRatio
 from flexplant.modes import Modes, normal_modes
-from flexplant.plant.channels import OutputRows, checked_system, input_matrix, output_matrices, refuse_structural_damping
-from flexplant.plant.damping import ModalDamping, projected_damping, ratio_damping
+from flexplant.plant.channels import (
+    OutputRows,
+    checked_system,
+    input_matrix,
+    listed_names,
+    output_matrices,
+    refuse_structural_damping,
+)
+from flexplant.plant.damping import ModalDamping, check_choice, projected_damping, ratio_damping
 from flexplant.plant.fields import checked_dense, checked_names, checked_units, checked_vector
 from flexplant.plant.static_correction import residual_displacement
 
@@ -138,6 +145,7 @@ def modal_plant(
     where modes or static correction cannot be computed.
     """
     checked_system(system, "modal_plant")
+    check_choice(off_diagonal_damping)
     if damping_ratio is None:
         refuse_structural_damping(
             system, "modal_plant",
@@ -202,6 +210,7 @@ def _velocity_rows(
 
 def select(plant: ModalPlant, *, inputs: Sequence[str] | None = None, outputs: Sequence[str] | None = None) -> ModalPlant:
     """The plant with only these inputs and outputs, in this order; InputError suggests the nearest names."""
+    expect(plant, ModalPlant, "select", "modal_plant(system, ...) makes one")
     columns = _positions(plant.inputs, inputs, f"modal plant {plant.name!r} has no input")
     rows = _positions(plant.outputs, outputs, f"modal plant {plant.name!r} has no output")
 
@@ -226,6 +235,7 @@ def select(plant: ModalPlant, *, inputs: Sequence[str] | None = None, outputs: S
 def _positions(known: Sequence[str], wanted: Sequence[str] | None, what: str) -> list[int]:
     if wanted is None:
         return list(range(len(known)))
+    wanted = listed_names(wanted, "select: inputs and outputs")
     for name in wanted:
         if name not in known:
             raise InputError(f"{what} {name!r}." + nearest(name, known))

@@ -9,8 +9,8 @@ import numpy as np
 import numpy.typing as npt
 import scipy.linalg
 
-from flexplant.errors import InputError, nearest
-from flexplant.model.arrays import FloatArray
+from flexplant.errors import InputError, expect, expect_count, nearest
+from flexplant.model.arrays import FloatArray, is_number
 from flexplant.plant.balanced import gramian_singular_values, gramians
 from flexplant.plant.modal import ModalPlant
 from flexplant.plant.state_space import StateSpace, state_space
@@ -53,6 +53,7 @@ def peak_gains(plant: ModalPlant) -> FloatArray:
 
     Modal damping is taken as diag(2 zeta omega). Gains of unlike units add up as they stand: choose channels accordingly.
     """
+    expect(plant, ModalPlant, "peak_gains", "modal_plant(system, ...) makes one")
     flexible = plant.omega > 0
     gains = np.zeros(plant.n_modes)
     safe = replace(plant, omega=np.where(flexible, plant.omega, 1.0), damping=None)
@@ -70,6 +71,7 @@ def hankel_singular_values(plant: ModalPlant) -> FloatArray:
     blocks of the exact Gramians, Wc_i Wo_i, from the Lyapunov equations. Rigid-body modes: inf.
     Source: Gawronski, Advanced Structural Dynamics and Active Control of Structures, chapter 4.
     """
+    expect(plant, ModalPlant, "hankel_singular_values", "modal_plant(system, ...) makes one")
     flexible = plant.omega > 0
     values = np.full(plant.n_modes, np.inf)
     if plant.damping is not None:
@@ -127,6 +129,7 @@ def reduce_modes(
     error: the sum of the dropped modes' peak gains (modal damping), or 2 sum(Hankel singular values) of the error (full).
     Raises InputError unless exactly one of tolerance and keep is given, and for values out of range.
     """
+    expect(plant, ModalPlant, "reduce_modes", "modal_plant(system, ...) makes one")
     _check_request(plant, tolerance, keep, measure)
     values = peak_gains(plant) if measure == "peak" else hankel_singular_values(plant)
     flexible = np.flatnonzero(plant.omega > 0)
@@ -151,11 +154,13 @@ def reduce_modes(
 def _check_request(plant: ModalPlant, tolerance: float | None, keep: int | None, measure: str) -> None:
     if (tolerance is None) == (keep is None):
         raise InputError("reduce_modes: give either tolerance or keep")
-    if tolerance is not None and not 0 <= tolerance < np.inf:
+    if tolerance is not None and not (is_number(tolerance) and 0 <= tolerance < np.inf):
         raise InputError(f"reduce_modes: tolerance must be finite and not negative, got {tolerance!r}")
-    if keep is not None and not 0 <= keep <= plant.n_modes - plant.n_rigid:
+    if keep is not None:
+        expect_count(keep, "reduce_modes: keep")
+    if keep is not None and keep > plant.n_modes - plant.n_rigid:
         raise InputError(f"reduce_modes: keep = {keep!r}, but the plant has {plant.n_modes - plant.n_rigid} flexible modes")
-    if measure not in MEASURES:
+    if not isinstance(measure, str) or measure not in MEASURES:
         raise InputError(f"reduce_modes: unknown measure {measure!r}." + nearest(str(measure), MEASURES))
 
 

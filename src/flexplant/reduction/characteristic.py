@@ -7,8 +7,8 @@ from collections.abc import Iterable
 import numpy as np
 import scipy.linalg as la
 
-from flexplant.errors import InputError
-from flexplant.model.arrays import FloatArray, IntArray, dense
+from flexplant.errors import InputError, expect, expect_count
+from flexplant.model.arrays import FloatArray, IntArray, dense, is_number
 from flexplant.model.component import Component
 from flexplant.model.dofs import DofSet
 from flexplant.model.recovery import Recovery
@@ -32,8 +32,17 @@ def characteristic_constraint_modes(
     boundary, InputError for impossible numbers, SolverError where holding `keep` leaves a massless mechanism.
     Source: Castanier, Tan and Pierre 2001.
     """
+    expect(
+        component, Component, "characteristic_constraint_modes", "read_component gives one, craig_bampton reduces a model to one"
+    )
     if max_frequency_hz is None and n_modes is None:
         raise InputError("characteristic_constraint_modes: give max_frequency_hz or n_modes")
+    if max_frequency_hz is not None and not (is_number(max_frequency_hz) and 0 < max_frequency_hz < np.inf):
+        raise InputError(
+            f"characteristic_constraint_modes: max_frequency_hz must be positive and finite, got {max_frequency_hz!r:.60}"
+        )
+    if n_modes is not None:
+        expect_count(n_modes, "characteristic_constraint_modes: n_modes")
     kept = DofSet.of(keep)
     n_b = component.n_boundary
     k_rows = component.boundary.rows(kept.pairs, owner=f"component {component.name!r}")

@@ -6,6 +6,7 @@ from collections.abc import Iterable
 
 import numpy as np
 
+from flexplant.errors import InputError
 from flexplant.model.arrays import FloatArray, Matrix
 from flexplant.model.component import FiniteElementModel
 from flexplant.model.dofs import DofSet
@@ -52,7 +53,7 @@ def hcb_component(
         interior=DofSet.of(named),
         interior_rows=_rows(part, interior, DofSet.of(named)) if named else None,
         nodes=model.nodes,
-        recovery=_recovery(part, interior, list(recover)),
+        recovery=_recovery(part, interior, DofSet.of(recover)),
         source={**model.source, "reduction": str(report)},
         units=model.units,
         reduced_units=model.units,
@@ -66,14 +67,15 @@ def hcb_component(
 def _stored(part: Partition, interior: Interior, keep_basis: Storage) -> FloatArray | None:
     if keep_basis is False:
         return None
+    if keep_basis is not True and not callable(keep_basis):
+        raise InputError(f"keep_basis must be True, False or a function from a shape to an array, got {keep_basis!r:.60}")
     shape = (len(part.model.dofs), part.b.size + interior.raw.shape[1])
     return part.full_basis(interior.vectors, None if keep_basis is True else keep_basis(shape))
 
 
-def _recovery(part: Partition, interior: Interior, recover: list[tuple[int, int | str]]) -> dict[str, Recovery]:
-    if not recover:
+def _recovery(part: Partition, interior: Interior, dofs: DofSet) -> dict[str, Recovery]:
+    if not len(dofs):
         return {}
-    dofs = DofSet.of(recover)
     labels = [f"{n}.{d}" for n, d in dofs.pairs]
     return {"displacement": Recovery("displacement", labels, displacement=_rows(part, interior, dofs))}
 

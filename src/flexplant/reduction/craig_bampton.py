@@ -70,6 +70,10 @@ def craig_bampton(
     _check_choice(max_frequency_hz, n_modes, residual_vectors, accuracy, size)
     if not isinstance(model, FiniteElementModel):
         raise InputError(f"craig_bampton reduces a FiniteElementModel, got {type(model).__name__}")
+    if not (verify_count is None or isinstance(verify_count, (bool, np.bool_))):
+        raise InputError(f"craig_bampton: verify_count is True, False or None, got {verify_count!r:.60}")
+    if not (progress is None or callable(progress)):
+        raise InputError(f"craig_bampton: progress must be a function of (stage, share), or None, got {progress!r:.60}")
     part = Partition.of(model, boundary, threads=threads, memory_limit=memory_limit, backend=backend)
     loads = DofSet.of(loads)
     forces = load_columns(part, loads)

@@ -6,6 +6,7 @@ from collections.abc import Iterable
 
 import numpy as np
 
+from flexplant.errors import expect
 from flexplant.model.component import FiniteElementModel
 from flexplant.model.dofs import DofSet
 from flexplant.reduction.component import basis_bytes, hcb_component
@@ -26,6 +27,7 @@ def guyan(
     Exact in statics; mass and damping are projected on the constraint modes. recover, keep_basis: see `craig_bampton`. Raises
     ModelError for DOF that the model does not have, SolverError where the held interior is a mechanism. Source: Guyan 1965.
     """
+    expect(model, FiniteElementModel, "guyan", "read_model gives one from a file")
     part = Partition.of(model, boundary)
     none = np.zeros((part.i.size, 0))
     interior = Interior(part, none, np.zeros(0), 0.0, False, none, none)

@@ -9,7 +9,7 @@ from typing import Any, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
-from flexplant.errors import InputError
+from flexplant.errors import InputError, expect
 from flexplant.model.arrays import FloatArray
 from flexplant.model.component import Component
 from flexplant.model.dofs import DofSet
@@ -89,6 +89,7 @@ def expand(component: Component, coordinates: npt.ArrayLike) -> FloatArray:
     coordinates: (n, ...) of the component; for a system, `shapes[system.offsets[name]]`. Raises InputError where the basis
     was not kept (`keep_basis=True`), or the number of coordinates differs.
     """
+    expect(component, Component, "expand", "craig_bampton(..., keep_basis=True) makes one")
     reduced = _checked(component, "expand")
     if reduced.basis is None:
         size = reduced.report.basis_bytes / 1e6

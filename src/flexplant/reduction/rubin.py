@@ -9,8 +9,8 @@ from functools import cached_property
 import numpy as np
 import scipy.linalg as la
 
-from flexplant.errors import InputError
-from flexplant.model.arrays import FloatArray
+from flexplant.errors import InputError, expect, expect_count
+from flexplant.model.arrays import FloatArray, is_number
 from flexplant.model.component import FiniteElementModel
 from flexplant.model.damping import DampingRatio, with_modal_damping
 from flexplant.model.dofs import DofSet
@@ -49,9 +49,14 @@ def rubin(
     holds below the last free mode. Other arguments and errors as for `craig_bampton`.
     Sources: Rubin 1975; MacNeal 1971; Craig and Chang 1977.
     """
+    expect(model, FiniteElementModel, "rubin", "read_model gives one from a file")
     if max_frequency_hz is None and n_modes is None:
         raise InputError("rubin: give max_frequency_hz or n_modes")
-    if n_modes is not None and not 0 <= n_modes <= len(model.dofs):
+    if max_frequency_hz is not None and not (is_number(max_frequency_hz) and 0 < max_frequency_hz < np.inf):
+        raise InputError(f"rubin: max_frequency_hz must be positive and finite, got {max_frequency_hz!r:.60}")
+    if n_modes is not None:
+        expect_count(n_modes, "rubin: n_modes")
+    if n_modes is not None and n_modes > len(model.dofs):
         raise InputError(f"rubin: n_modes {n_modes} must lie between 0 and the {len(model.dofs)} DOF of model {model.name!r}")
     part = Partition.of(model, boundary, threads=threads, memory_limit=memory_limit, backend=backend)
     free = FreeSolve(part)

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from flexplant.assembly import System, component_rigid_body, stiffness_scale
+from flexplant.errors import expect
 from flexplant.model.arrays import FloatArray
 from flexplant.model.component import Component
 from flexplant.model.geometry import Placement
@@ -45,6 +46,7 @@ class StrainEnergy:
 
 def strain_energy(component: Component, placement: Placement | None = None) -> StrainEnergy:
     """Strain energy of the six geometric rigid-body motions of a component; InputError without positions."""
+    expect(component, Component, "strain_energy", "read_component gives one, craig_bampton reduces a model to one")
     place = placement or Placement()
     assert component.nodes is None or len(component.nodes)
     about = np.zeros(3) if component.nodes is None else place.apply(component.nodes.positions.mean(axis=0))

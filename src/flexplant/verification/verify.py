@@ -9,7 +9,7 @@ import numpy as np
 
 from flexplant.assembly import System, coupled_stiffness_scale, stiffness_scale, system_rigid_body
 from flexplant.assembly.connection import is_whole
-from flexplant.errors import InputError
+from flexplant.errors import InputError, expect
 from flexplant.model.arrays import FloatArray, dense
 from flexplant.model.component import Component
 from flexplant.modes import Modes, normal_modes
@@ -66,6 +66,7 @@ def verify(
 
 def check_component(component: Component) -> CheckReport:
     """The checks that one component allows by itself: energy, definiteness, mass properties, fixed-interface modes."""
+    expect(component, Component, "check_component", "read_component gives one, craig_bampton reduces a model to one")
     checks = list(_definite_component(component))
     tables, notes = [], []
     if component.nodes is not None:
