@@ -241,3 +241,15 @@ def test_fmu_refuses_what_it_cannot_hold(tmp_path: Path, monkeypatch: pytest.Mon
     with pytest.raises(WriteError, match="binary=False"):
         write_plant(plant(), tmp_path / "p.fmu", binary=True)
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("options", [{}, {"version": 3, "arrays": False}, {"version": 3}], ids=repr)
+def test_a_force_and_the_displacement_under_it_are_told_apart(tmp_path: Path, options: dict) -> None:
+    names = {"inputs": ["bus.1.1", "bus.2.1"], "outputs": ["bus.1.1", "bus.3.1"]}
+    collocated = StateSpace(-np.eye(2), np.eye(2), np.eye(2), np.zeros((2, 2)), **names)
+    path = write_plant(collocated, tmp_path / "p.fmu", binary=False, **options)
+    about = fmpy.read_model_description(str(path), validate=True)  # refuses a name that is there twice
+    if options.get("arrays", True) and options:
+        return
+    found = [v.name for v in about.modelVariables if v.causality in ("input", "output")]
+    assert found == ["bus.1.1:in", "bus.2.1", "bus.1.1:out", "bus.3.1"]

@@ -39,7 +39,8 @@ def write_plant(
     """The FMU of a ModalPlant, StateSpace or Descriptor with regular E.
 
     version: 2 (one variable a channel) or 3. arrays: of version 3, inputs and outputs as arrays u and y with the constants
-    u.names, u.units, y.names, y.units; False for one variable a channel. dt: communication step to suggest, seconds.
+    u.names, u.units, y.names, y.units; False for one variable a channel. Variables of an input and an output that share a
+    name, as a force and the displacement under it do, end in ":in" and ":out". dt: communication step to suggest, seconds.
     name: model identifier, None for the file's stem. binary: with the library for this computer; None where a C compiler
     is found (the sources are there either way, and importers can compile them).
     Raises InputError for other plants and choices, WriteError where a binary was asked for and cannot be made.

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from itertools import chain
 from xml.sax.saxutils import quoteattr
 
 import numpy as np
@@ -31,11 +32,22 @@ class About:
     step: float | None
 
 
+def variable_names(plant: Plant) -> tuple[list[str], list[str]]:
+    """Names of the inputs and outputs in an FMU, where one list holds both: what is in both gets ":in" and ":out"."""
+    shared = set(plant.inputs) & set(plant.outputs)
+
+    def told(names: Sequence[str], end: str) -> list[str]:
+        return [f"{name}:{end}" if name in shared else name for name in names]
+
+    return told(plant.inputs, "in"), told(plant.outputs, "out")
+
+
 def description_2(about: About) -> str:
     """FMI 2.0: one variable a channel, inputs first, value references in that order."""
     plant, first = about.plant, len(about.plant.inputs)
-    variables = [_scalar(i, n, u, "input") for i, (n, u) in enumerate(zip(plant.inputs, plant.input_units, strict=True))]
-    for k, (name, unit) in enumerate(zip(plant.outputs, plant.output_units, strict=True)):
+    inputs, outputs = variable_names(plant)
+    variables = [_scalar(i, n, u, "input") for i, (n, u) in enumerate(zip(inputs, plant.input_units, strict=True))]
+    for k, (name, unit) in enumerate(zip(outputs, plant.output_units, strict=True)):
         variables.append(_scalar(first + k, name, unit, "output"))
     unknowns = [_unknown("Unknown index", first + k + 1, np.flatnonzero(row) + 1) for k, row in enumerate(about.direct)]
     interpolates = _truth(about.dt is None)
@@ -77,7 +89,7 @@ def description_3(about: About, arrays: bool) -> str:
         variables = [*_array(plant, "input"), *_array(plant, "output")]
         unknowns = [(2, [1] if direct.any() else [])]
     else:
-        names, units = [*plant.inputs, *plant.outputs], [*plant.input_units, *plant.output_units]
+        names, units = [*chain(*variable_names(plant))], [*plant.input_units, *plant.output_units]
         first = len(plant.inputs)
         variables = [
             _float64(i + 1, n, u, "input" if i < first else "output") for i, (n, u) in enumerate(zip(names, units, strict=True))
