@@ -11,6 +11,7 @@ import numpy as np
 from flexplant.loop.cascade import Cascade
 from flexplant.loop.layout import Layout, aligned, block_length
 from flexplant.loop.lifted import stepped
+from flexplant.loop.parallel import separated, separation
 from flexplant.loop.recursion import Recursion
 from flexplant.loop.stepping import Stepper, stepper
 from flexplant.loop.tiled import MOST_REST, Rows, TileSteps
@@ -62,13 +63,30 @@ def kept_samples(position: int, every: int, count: int) -> int:
     return len(range(-position % every, count, every))
 
 
-def steps_of(cascade: Cascade, one: Stepper, causal: FloatArray, D: FloatArray, every: int) -> BlockSteps | TileSteps:
+def steps_of(
+    cascade: Cascade, one: Stepper, causal: FloatArray, D: FloatArray, rows: Rows | None, every: int
+) -> BlockSteps | TileSteps:
     """The steps that keep the rows' sums in registers where there are few rows and each sample is kept, else those in blocks."""
-    n, m = cascade.omega.size, cascade.A.shape[0]
-    rows = Rows(np.vstack([one.from_modes, cascade.C_modes]), n)
-    if every == 1 and n and m <= MOST_REST and rows.fit:
-        return TileSteps(cascade, one, causal, D, rows)
+    if every == 1 and cascade.omega.size and cascade.A.shape[0] <= MOST_REST:
+        rows = rows or Rows(np.vstack([one.from_modes, cascade.C_modes]))
+        if rows.fit:
+            return TileSteps(cascade, one, causal, D, rows)
     return BlockSteps(cascade, one, causal, D, every)
+
+
+def parallel_rows(cascade: Cascade, every: int) -> tuple[Rows | None, FloatArray | None]:
+    """The rows of the parallel form, and its T; None where it does not help.
+
+    Of its rows C_modes + C T, the terms apart are often multiples of each other where the sums are not.
+    """
+    T = separation(cascade) if every == 1 and cascade.A.shape[0] <= MOST_REST else None
+    if T is None:
+        return None, None
+    none, more = np.zeros_like(cascade.from_modes), cascade.C @ T
+    sums = Rows(np.vstack([none, cascade.C_modes + more]))
+    terms = Rows(np.vstack([none, cascade.C_modes]), np.vstack([none, more]))
+    rows = min((sums, terms), key=lambda rows: (not rows.fit, rows.cost))
+    return (rows, T) if rows.fit else (None, None)
 
 
 class FusedRecursion:
@@ -82,11 +100,13 @@ class FusedRecursion:
         self.cascade, self.every, self.position = cascade, every, 0
         self.order = np.r_[cascade.modal_states, cascade.other_states]
         self.state = state[self.order].copy()
-        one, nw = stepper(cascade, dt, hold), cascade.B.shape[1]
+        rows, self._T = parallel_rows(cascade, every)
+        own = cascade if self._T is None else separated(cascade, self._T)
+        one, nw = stepper(own, dt, hold), own.B.shape[1]
         self._ramp = one.drive[nw:]
         causal = one.drive[:nw] - self._ramp + stepped(one, self._ramp)
-        rows = np.hstack([cascade.C_modes, cascade.C])
-        self._steps = steps_of(cascade, one, causal, cascade.D + rows @ self._ramp.T, every)
+        D = own.D + np.hstack([own.C_modes, own.C]) @ self._ramp.T
+        self._steps = steps_of(own, one, causal, D, rows, every)
 
     @property
     def chunk(self) -> int:
@@ -101,10 +121,17 @@ class FusedRecursion:
 
     def run_into(self, w: FloatArray, first: int, nt: int, out: FloatArray, place: int) -> None:
         """As `run`, from sample `first` of w (nw, .) on, which has sample first + nt, into out[:, place:]; both contiguous."""
-        start = self.state - w[:, first] @ self._ramp
+        start = self._separated(self.state, -1.0) - w[:, first] @ self._ramp
         after = self._steps.advance(start, w, first, nt, out, place)
         self.position += nt
-        self.state = after + w[:, first + nt] @ self._ramp
+        self.state = self._separated(after + w[:, first + nt] @ self._ramp, 1.0)
+
+    def _separated(self, state: FloatArray, sign: float) -> FloatArray:
+        """The state with sign T [eta, eta'] added to the other states: into the parallel form (-1), or back (1)."""
+        if self._T is None:
+            return state
+        both = self._T.shape[1]
+        return np.concatenate([state[:both], state[both:] + sign * (self._T @ state[:both])])
 
     def last(self, w: FloatArray) -> FloatArray:
         """(nz,) outputs at the sample that the state stands at, for the inputs w (nw,)."""

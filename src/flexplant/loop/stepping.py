@@ -77,7 +77,7 @@ def _through_modes(cascade: Cascade, dt: float) -> tuple[FloatArray, FloatArray]
     omega dt, and each mode's coupling is divided by its size first (the result is linear in it).
     """
     n, m = cascade.omega.size, cascade.A.shape[0]
-    if not n or not m:
+    if not n or not m or not cascade.from_modes.any():
         return np.zeros((m, 2 * n)), np.zeros((m, n, 2))
     A, (scale, _) = scipy.linalg.matrix_balance(cascade.A, permute=False, separate=True)
     x = cascade.omega * dt

@@ -74,25 +74,32 @@ class TileSteps:
 
 
 class Rows:
-    """Rows on [eta, eta'] as combinations, weights (k, distinct), of distinct ones: first those that read eta alone.
+    """Sums of rows on [eta, eta'] as combinations, weights (k, distinct), of distinct ones: first those that read eta alone.
 
-    still: (p, n), both: (s, 2n), of each an even number, zeros where there is no further row.
+    terms: each (k, 2n). still: (p, n), both: (s, 2n), of each an even number, zeros where there is no further row.
     """
 
-    def __init__(self, rows: FloatArray, n: int) -> None:
+    def __init__(self, *terms: FloatArray) -> None:
+        rows, n = np.vstack(terms), terms[0].shape[1] // 2
         share, row, chosen = shared_rows(rows)
         distinct = rows[chosen]
         moving = distinct[:, n:].any(axis=1)
         self.still, self.both = _even(distinct[~moving][:, :n]), _even(distinct[moving])
         place = np.where(moving, len(self.still) + np.cumsum(moving) - 1, np.cumsum(~moving) - 1)
-        self.weights = np.zeros((len(rows), len(self.still) + len(self.both)))
+        weights = np.zeros((len(rows), len(self.still) + len(self.both)))
         read = share != 0
-        self.weights[np.flatnonzero(read), place[row[read]]] = share[read]
+        weights[np.flatnonzero(read), place[row[read]]] = share[read]
+        self.weights = weights.reshape(len(terms), -1, weights.shape[1]).sum(axis=0)
+
+    @property
+    def cost(self) -> int:
+        """Products a mode and sample."""
+        return len(self.still) + 2 * len(self.both)
 
     @property
     def fit(self) -> bool:
         """True where the sums stay in registers."""
-        return 0 < self.weights.shape[1] <= MOST_ROWS
+        return 0 < len(self.still) + len(self.both) <= MOST_ROWS
 
 
 def _even(rows: FloatArray) -> FloatArray:
