@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -107,3 +108,25 @@ def test_one_name_is_no_list_of_names() -> None:
     for wrong in ("whole.1.1", 3, [None]):
         with pytest.raises(fp.InputError, match="list of names"):
             fp.select(plant(), inputs=wrong)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("argument", ["threads", "memory_limit", "backend"])
+def test_resources_of_the_factorisation_are_checked(argument: str) -> None:
+    for bad in (-1, [1], np.ones(2), "many"):
+        with pytest.raises(fp.InputError, match=argument):
+            fp.craig_bampton(chain(), ENDS, n_modes=2, **{argument: bad})  # type: ignore[arg-type]
+
+
+def test_ports_of_blocks_are_named() -> None:
+    for axes in (None, 3, 1.5):
+        for block in (lambda **k: fp.thin_lens(1.5, **k), fp.flat_mirror, lambda **k: fp.angle_sensor(1.5, **k)):
+            with pytest.raises(fp.InputError, match="axes"):
+                block(axes=axes)
+    for signs in (3, ["+", "-"], None):
+        with pytest.raises(fp.InputError, match="signs"):
+            fp.summing_junction(signs)  # type: ignore[arg-type]
+
+
+def test_a_step_of_exported_source_is_a_number(tmp_path: Path) -> None:
+    with pytest.raises(fp.InputError, match="sample time"):
+        fp.write_plant(grounded(), tmp_path / "p.c", dt="1ms")

@@ -82,7 +82,7 @@ def summing_junction(
         if not signs or set(signs) - set("+-"):
             raise InputError(f"summing junction {name!r}: signs {signs!r}; use a text of + and -, such as '+-'")
         signs = {f"in{k}": 1.0 if sign == "+" else -1.0 for k, sign in enumerate(signs, 1)}
-    if not signs:
+    if not isinstance(signs, Mapping) or not signs:
         raise InputError(f"summing junction {name!r} has no inputs; give signs such as {{'reference': 1, 'measured': -1}}")
     return static(
         [list(signs.values())],

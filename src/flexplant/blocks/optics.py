@@ -17,6 +17,8 @@ AXES = ("x", "y")
 
 def ports(quantity: str, axes: Sequence[str]) -> list[str]:
     """Port names such as "angle_x", "angle_y"."""
+    if not isinstance(axes, (list, tuple, str)):
+        raise InputError(f"axes must be names such as ('x', 'y'), got {axes!r:.60}")
     return [f"{quantity}_{axis}" for axis in axes]
 
 
@@ -69,10 +71,11 @@ def angle_sensor(focal_length: float, *, axes: Sequence[str] = AXES, name: str =
 
 
 def _diagonal(factor: float, axes: Sequence[str], source: tuple[str, str], target: tuple[str, str], name: str) -> StateSpace:
-    n = len(axes)
+    inputs = ports(source[0], axes)
+    n = len(inputs)
     return static(
         factor * np.eye(n),
-        inputs=ports(source[0], axes),
+        inputs=inputs,
         outputs=ports(target[0], axes),
         name=name,
         input_units=[source[1]] * n,

@@ -89,7 +89,7 @@ def export_plant(plant: Path, to: str, output: Path | None, **options: Any) -> P
     """
     formats = plant_endings()
     if to not in formats:
-        raise InputError(f"unknown format {to!r}; known are {', '.join(formats)}." + nearest(to, formats))
+        raise InputError(f"unknown format {to!r}." + nearest(to, formats))
     target = output or plant.with_suffix(f".{to}")
     if target.suffix.lower() != f".{to}":
         raise InputError(f"{target.name!r} does not end with .{to}, the format that was asked for")

@@ -20,7 +20,7 @@ from flexplant.io.write.atomic import replacing
 from flexplant.io.write.block_form import BlockForm, DenseForm, described, export_form, sampled_blocks
 from flexplant.io.write.c_templates import BLOCKS, DENSE, HEADER, MODAL, VELOCITY_TERMS
 from flexplant.io.write.c_text import comment, constants, definition, identifier, string
-from flexplant.model.arrays import FloatArray
+from flexplant.model.arrays import FloatArray, is_number
 from flexplant.plant.discretize import HOLDS, discretize, mode_steps
 from flexplant.plant.modal import ModalPlant
 from flexplant.plant.state_space import StateSpace, output_rows
@@ -74,7 +74,7 @@ def _sample_time(plant: Plant, dt: float | None) -> float:
     chosen = own or dt
     if chosen is None:
         raise InputError("C source runs at a fixed step: pass dt= in seconds, for example write_plant(plant, 'plant.c', dt=1e-4)")
-    if not 0 < float(chosen) < np.inf:
+    if not is_number(chosen) or not 0 < chosen < np.inf:
         raise InputError(f"dt = {dt!r}: the sample time must be a positive number of seconds")
     return float(chosen)
 

@@ -6,7 +6,8 @@ import os
 from collections.abc import Callable
 from typing import Any
 
-from flexplant.errors import InputError, SolverError, nearest
+from flexplant.errors import InputError, SolverError, expect_count, nearest
+from flexplant.model.arrays import is_number
 from flexplant.numerics.factorization import cholmod_backend, pardiso_backend, rslab_backend, superlu_backend
 from flexplant.numerics.factorization.protocol import Analysis, Estimate, Factor
 
@@ -30,7 +31,9 @@ def analyze(matrix: Any, *, backend: str | None = None, threads: int | None = No
     """
     if backend is None:
         backend = "rslab" if rslab_backend.available() else "superlu"
-    if backend not in BACKENDS:
+    if threads is not None:
+        expect_count(threads, "threads")
+    if not isinstance(backend, str) or backend not in BACKENDS:
         raise InputError(f"unknown factorization backend {backend!r}." + nearest(str(backend), BACKENDS))
     return BACKENDS[backend](matrix, threads=threads)
 
@@ -50,6 +53,8 @@ def factorize(
 
 def refuse_above(estimate: Estimate | None, memory_limit: float | None, besides: float = 0.0) -> None:
     """SolverError with the estimate where a factorisation and `besides` bytes do not fit in `memory_limit` bytes."""
+    if memory_limit is not None and not (is_number(memory_limit) and memory_limit > 0):
+        raise InputError(f"memory_limit must be a positive number of bytes, or None, got {memory_limit!r:.60}")
     limit = installed_memory() if memory_limit is None else memory_limit
     if estimate is None or limit is None or estimate.peak_bytes + besides <= limit:
         return
