@@ -51,6 +51,13 @@ def grounded() -> fp.ModalPlant:
         (fp.closed_loop_transfer, "LineOfSight"),
         (fp.output_sensitivity, "LineOfSight"),
         (fp.line_of_sight_diagram, "LineOfSight"),
+        (fp.without_rigid_body, "modal_plant"),
+        (lambda x: fp.with_proportional_damping(x, mass_factor=0.1), "read_model"),
+        (lambda x: fp.with_dampers(x, []), "read_model"),
+        (lambda x: fp.with_interface_node(x, 9, np.zeros(3), [1, 2]), "read_model"),
+        (lambda x: fp.with_modal_damping(x, 0.01), "craig_bampton"),
+        (lambda x: fp.with_equivalent_viscous_damping(x, 10.0), "craig_bampton"),
+        (lambda x: fp.wheel_tones(x, 10.0), "Wheel"),
         (lambda x: fp.rigid_body_vectors(x, chain().dofs), "Nodes"),
     ],
 )

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from flexplant.blocks.tones import Tones, tone_signal
-from flexplant.errors import InputError
+from flexplant.errors import InputError, expect
 from flexplant.model.arrays import FloatArray, frozen, is_number, real_values
 
 WHEEL_CHANNELS = ("fx", "fy", "fz", "mx", "my", "mz")
@@ -78,6 +78,7 @@ def wheel_tones(wheel: Wheel, omega_hz: float) -> Tones:
 
     Raises InputError unless omega_hz is finite and positive.
     """
+    expect(wheel, Wheel, "wheel_tones", "Wheel(amplitude=, harmonics=) makes one")
     if not (is_number(omega_hz) and 0 < omega_hz < np.inf):
         raise InputError(f"wheel speed {omega_hz!r} Hz; use a finite positive speed")
     harmonics, amplitudes = harmonic_amplitudes(wheel)

@@ -9,7 +9,7 @@ from typing import TypeAlias
 import numpy as np
 import scipy.sparse as sp
 
-from flexplant.errors import ModelError
+from flexplant.errors import ModelError, expect
 from flexplant.model.arrays import FloatArray, is_number, is_sparse
 from flexplant.model.component import Component
 
@@ -44,6 +44,7 @@ def with_modal_damping(component: Component, ratio: DampingRatio) -> Component:
 
     ratio: see `damping_ratios`, one value a modal coordinate. Replaces any viscous damping the component had.
     """
+    expect(component, Component, "with_modal_damping", "read_component gives one, craig_bampton reduces a model to one")
     hz = component.fixed_interface_hz
     if np.isnan(hz).any():
         raise ModelError(f"component {component.name!r}: modal coordinates with negative stiffness have no damping ratio")
@@ -61,6 +62,9 @@ def with_equivalent_viscous_damping(component: Component, frequency_hz: float) -
     D = g K.
     The component comes back as it is where it has none. Raises ModelError for a frequency that is not positive and finite.
     """
+    expect(
+        component, Component, "with_equivalent_viscous_damping", "read_component gives one, craig_bampton reduces a model to one"
+    )
     if not (is_number(frequency_hz) and 0 < frequency_hz < np.inf):
         raise ModelError(
             f"component {component.name!r}: equivalent damping needs one positive frequency in Hz, got {frequency_hz}"

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from flexplant.errors import expect
 from flexplant.model.arrays import FloatArray
 from flexplant.plant.modal import ModalPlant
 
@@ -16,6 +17,7 @@ def without_rigid_body(plant: ModalPlant) -> ModalPlant:
     A free spacecraft drifts under its wheels, and a pointing loop removes that elsewhere; simulate the elastic part where the
     drift is of no interest. Static correction and feedthrough stay. `report` counts the modes left out.
     """
+    expect(plant, ModalPlant, "without_rigid_body", "modal_plant(system, ...) makes one")
     keep = plant.omega > 0
 
     def columns(matrix: FloatArray | None) -> FloatArray | None:

@@ -9,7 +9,7 @@ from typing import TypeAlias
 import numpy as np
 import scipy.sparse as sp
 
-from flexplant.errors import InputError
+from flexplant.errors import InputError, expect
 from flexplant.model.component import FiniteElementModel
 
 Dof: TypeAlias = tuple[int, int]
@@ -22,6 +22,7 @@ def with_proportional_damping(
 
     Raises InputError for negative or infinite factors.
     """
+    expect(model, FiniteElementModel, "with_proportional_damping", "read_model gives one from a file")
     if not (0 <= mass_factor < np.inf and 0 <= stiffness_factor < np.inf):
         raise InputError(f"proportional damping: factors must be finite and not negative, got {mass_factor}, {stiffness_factor}")
     added = mass_factor * model.mass + stiffness_factor * model.stiffness
@@ -33,6 +34,7 @@ def with_dampers(model: FiniteElementModel, dampers: Iterable[tuple[Dof, Dof | N
 
     dof: (node, direction). Raises ModelError for DOF that the model does not have, InputError for a negative c.
     """
+    expect(model, FiniteElementModel, "with_dampers", "read_model gives one from a file")
     n, owner = len(model.dofs), f"model {model.name!r}"
     total = sp.csr_array((n, n))
     for a, b, c in dampers:

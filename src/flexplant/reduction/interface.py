@@ -10,7 +10,7 @@ import numpy.typing as npt
 import scipy.linalg as la
 import scipy.sparse as sp
 
-from flexplant.errors import InputError, ModelError, nearest
+from flexplant.errors import InputError, ModelError, expect, nearest
 from flexplant.model.arrays import FloatArray, IntArray, Matrix
 from flexplant.model.component import FiniteElementModel
 from flexplant.model.dofs import DofSet, expand_directions
@@ -38,6 +38,7 @@ def with_interface_node(
     position: (3,) basic frame. weights: one a patch node. Raises ModelError for unknown nodes, a model without positions, or
     a patch (one node, a straight line) that leaves a motion of the node undefined; InputError for impossible arguments.
     """
+    expect(model, FiniteElementModel, "with_interface_node", "read_model gives one from a file")
     if kind not in KINDS:
         raise InputError(f"interface node {node}: kind {kind!r} must be 'rigid' or 'average'")
     nodes = _checked_nodes(model, node, patch)
