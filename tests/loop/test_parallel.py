@@ -1,5 +1,7 @@
 """The parallel form of a cascade: its defining equation, the same answers, and the fall-back near a pole of the loop."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -68,3 +70,8 @@ def test_parallel_or_not_the_motion_is_that_of_the_cascade(near, parallel, hold)
     outputs = np.vstack([runner.run(w[:, :502].T, 501), runner.run(w[:, 501:].T, 499)])
     assert (abs(outputs - expected).max(axis=0) <= 1e-12 * abs(np.array(expected)).max(axis=0)).all()
     assert abs(runner.state - x).max() <= 1e-12 * abs(x).max()
+
+
+def test_an_integrator_behind_a_rigid_body_mode_stays_in_the_cascade():
+    cascade = driven([0.0, 3.0])
+    assert separation(replace(cascade, A=np.array([[0.0, 1.0], [0.0, 0.0]]))) is None

@@ -28,10 +28,13 @@ def separation(cascade: Cascade) -> FloatArray | None:
     norm = float(np.linalg.norm(A, 2))
     terms = norm**2 + decay * norm + cascade.omega**2
     matrix = A @ A + decay[:, None, None] * A + (cascade.omega**2)[:, None, None] * np.eye(m)
-    smallest = np.linalg.svd(matrix, compute_uv=False)[:, -1]
-    if not (terms <= WORST * smallest).all():
+    try:
+        inverse = np.linalg.inv(matrix)
+    except np.linalg.LinAlgError:  # a pole on a mode, as an integrator behind a rigid-body mode
         return None
-    velocity = np.linalg.solve(matrix, -(P + V @ A.T)[:, :, None])[:, :, 0]
+    if not (terms**2 * np.einsum("nij,nij->n", inverse, inverse) <= WORST**2).all():
+        return None
+    velocity = -np.einsum("nij,nj->ni", inverse, P + V @ A.T)
     position = velocity @ A.T + decay[:, None] * velocity + V
     return np.hstack([(position * scale).T, (velocity * scale).T])
 
