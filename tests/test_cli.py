@@ -139,7 +139,7 @@ def test_export_knows_every_plant_format_and_its_options(tmp_path):
         assert target.stat().st_size > 100
         assert ending in call("export", "--help").stdout
     assert "linear between samples" in (tmp_path / "copy.h").read_text()
-    assert "pass dt=" in refused("export", plant, "--to", "c")
+    assert "--dt" in refused("export", plant, "--to", "c")
     assert "no option 'version'" in refused("export", plant, "--to", "c", "--dt", "1e-3", "--fmi", "3")
     assert "does not end with .c" in refused("export", plant, "--to", "c", "--dt", "1e-3", "-o", tmp_path / "p.fmu")
     assert "there is no folder" in refused("export", plant, "--to", "mat", "-o", tmp_path / "nowhere" / "p.mat")

@@ -139,7 +139,7 @@ def test_c_source_says_how_it_advances(tmp_path: Path) -> None:
 
 
 def test_c_source_needs_a_sample_time(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="pass dt="):
+    with pytest.raises(InputError, match="give dt="):
         write_plant(plant(), tmp_path / "p.c")
     with pytest.raises(InputError, match="positive number of seconds"):
         write_plant(plant(), tmp_path / "p.c", dt=-1)

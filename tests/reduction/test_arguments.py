@@ -137,3 +137,29 @@ def test_ports_of_blocks_are_named() -> None:
 def test_a_step_of_exported_source_is_a_number(tmp_path: Path) -> None:
     with pytest.raises(fp.InputError, match="sample time"):
         fp.write_plant(grounded(), tmp_path / "p.c", dt="1ms")
+
+
+def test_residual_vectors_end_where_the_basis_is_complete():
+    model = chain()
+    boundary = [(1, "123456")]
+    component = fp.craig_bampton(model, boundary, n_modes=2, residual_vectors=10**12)
+    assert component.n_boundary + component.n_modal == len(model.dofs)
+    with pytest.raises(fp.InputError, match="progress must be a function"):
+        fp.rubin(model, boundary, n_modes=2, progress=5)
+
+
+@pytest.mark.parametrize(
+    ("call", "says"),
+    [
+        (lambda: fp.wheel_speed_sweep(None, fp.Wheel(amplitude=1.0, harmonics=[1.0]), [1.0]), "cannot simulate a NoneType"),
+        (lambda: fp.wheel_speed_sweep(None, "wheel", [1.0]), "wheel_speed_sweep takes a Wheel, got str"),
+        (lambda: fp.tone_signal(3, [0.0, 1.0]), "tone_signal takes a Tones, got int"),
+        (
+            lambda: fp.harmonic_response("plant", fp.Tones(frequency_hz=[1.0], amplitude=[[1.0]], inputs=["u"])),
+            "cannot simulate a str",
+        ),
+    ],
+)
+def test_sweeps_and_tones_say_what_they_take(call, says):
+    with pytest.raises(fp.InputError, match=says):
+        call()

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from flexplant.errors import InputError
+from flexplant.errors import InputError, expect
 from flexplant.model.arrays import FloatArray, frozen, real_values
 
 
@@ -49,6 +49,7 @@ def tone_signal(tones: Tones, time: npt.ArrayLike, *, sampling: str = "point") -
     sampling "point": the values at the instants; the right samples for a first-order hold. "mean": the mean of each interval
     [t_k, t_k+1], the right samples for a zero-order hold, which then has no half-step lag.
     """
+    expect(tones, Tones, "tone_signal", "wheel_tones(wheel, omega_hz) makes them")
     t = np.atleast_1d(real_values(time, "time"))
     if t.ndim != 1 or not np.isfinite(t).all():
         raise InputError(f"tone_signal: time must be a list of finite instants in seconds, got shape {t.shape}")

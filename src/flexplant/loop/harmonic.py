@@ -11,11 +11,11 @@ import xarray as xr
 from flexplant.blocks.tones import Tones
 from flexplant.blocks.wheel import Wheel, harmonic_amplitudes
 from flexplant.errors import InputError, expect, nearest
-from flexplant.loop.cascade import cascade_of
+from flexplant.loop.cascade import cascade_of, simulated
 from flexplant.loop.frequency import ComplexArray, Linear, frequency_response
 from flexplant.loop.steady import input_amplitudes
 from flexplant.loop.tone_sweep import ToneSweep
-from flexplant.model.arrays import FloatArray
+from flexplant.model.arrays import FloatArray, real_values
 
 
 def harmonic_response(system: Linear, tones: Tones) -> xr.DataArray:
@@ -24,7 +24,7 @@ def harmonic_response(system: Linear, tones: Tones) -> xr.DataArray:
     Inputs without a tone are zero. RMS of an output: sqrt(sum |Y_k|^2 / 2) (see `tones.rms`). InputError for an unknown input.
     """
     expect(tones, Tones, "harmonic_response", "wheel_tones(wheel, omega_hz) makes them")
-    amplitude = input_amplitudes(tones, list(system.inputs))
+    amplitude = input_amplitudes(tones, list(simulated(system).inputs))
     hz, where = np.unique(tones.frequency_hz, return_inverse=True)
     G = frequency_response(system, hz).values[:, :, where]
     return xr.DataArray(
@@ -42,7 +42,10 @@ def wheel_speed_sweep(systems: Linear | Mapping[str, Linear], wheel: Wheel, omeg
     no `case` dimension. wheel.inputs names the six inputs it drives. amplitude: complex; rms: sqrt(sum |amplitude|^2 / 2).
     Raises InputError for speeds that are not finite and positive, cases whose outputs differ, or unknown inputs.
     """
-    speeds = np.atleast_1d(np.asarray(omega_hz, dtype=float))
+    expect(wheel, Wheel, "wheel_speed_sweep", "Wheel(amplitude=, harmonics=) makes one")
+    for system in systems.values() if isinstance(systems, Mapping) else [systems]:
+        simulated(system)
+    speeds = np.atleast_1d(real_values(omega_hz, "omega_hz"))
     if speeds.ndim != 1 or not speeds.size or not (np.isfinite(speeds) & (speeds > 0)).all():
         raise InputError("wheel_speed_sweep: omega_hz must be a list of finite positive speeds, Hz")
     if not isinstance(systems, Mapping):

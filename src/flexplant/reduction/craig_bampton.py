@@ -92,7 +92,10 @@ def craig_bampton(
             verify_count=verify_count,
         )
         for _ in range(max(residual_vectors, 1 if forces.shape[1] else 0) if part.i.size else 0):
+            size_before = interior.raw.shape[1]
             interior = interior.extended()
+            if interior.raw.shape[1] == size_before:
+                break  # the basis is complete
     component = hcb_component(
         interior,
         _report(interior, max_frequency_hz, accuracy, verified),

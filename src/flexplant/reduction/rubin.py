@@ -58,6 +58,8 @@ def rubin(
         expect_count(n_modes, "rubin: n_modes")
     if n_modes is not None and n_modes > len(model.dofs):
         raise InputError(f"rubin: n_modes {n_modes} must lie between 0 and the {len(model.dofs)} DOF of model {model.name!r}")
+    if not (progress is None or callable(progress)):
+        raise InputError(f"rubin: progress must be a function of (stage, share), or None, got {progress!r:.60}")
     part = Partition.of(model, boundary, threads=threads, memory_limit=memory_limit, backend=backend)
     free = FreeSolve(part)
     shapes, complete = _free_modes(free, max_frequency_hz, n_modes, progress)

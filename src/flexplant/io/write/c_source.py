@@ -73,7 +73,7 @@ def _sample_time(plant: Plant, dt: float | None) -> float:
         raise InputError(f"plant {plant.name!r} is discrete with dt = {own} s, so it cannot be written for dt = {dt} s")
     chosen = own or dt
     if chosen is None:
-        raise InputError("C source runs at a fixed step: pass dt= in seconds, for example write_plant(plant, 'plant.c', dt=1e-4)")
+        raise InputError("C source runs at a fixed step: give dt= (or --dt) in seconds, for example dt=1e-4")
     if not is_number(chosen) or not 0 < chosen < np.inf:
         raise InputError(f"dt = {dt!r}: the sample time must be a positive number of seconds")
     return float(chosen)
