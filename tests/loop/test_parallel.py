@@ -9,7 +9,9 @@ from flexplant.loop import fused, tiled
 from flexplant.loop.cascade import cascade_of
 from flexplant.loop.diagram import Diagram
 from flexplant.loop.lifted import stepped
+from flexplant.loop.line_of_sight import LineOfSight, line_of_sight_diagram
 from flexplant.loop.parallel import separated, separation
+from flexplant.loop.simulate import simulate
 from flexplant.loop.stepping import stepper
 from flexplant.plant.modal import ModalPlant
 from flexplant.plant.state_space import StateSpace
@@ -75,3 +77,24 @@ def test_parallel_or_not_the_motion_is_that_of_the_cascade(near, parallel, hold)
 def test_an_integrator_behind_a_rigid_body_mode_stays_in_the_cascade():
     cascade = driven([0.0, 3.0])
     assert separation(replace(cascade, A=np.array([[0.0, 1.0], [0.0, 0.0]]))) is None
+
+
+@pytest.mark.parametrize("zeta", [1e-4, 0.005, 0.0071])
+@pytest.mark.parametrize("offset", [0.0, 1e-3, 0.1])
+def test_a_mode_beside_the_loops_own_pole_keeps_its_digits(monkeypatch, zeta, offset):
+    """The steered loop's pole is at 100 sqrt(1801) rad/s; with and without separation, up to the limit of the terms' growth."""
+    sight = LineOfSight(focal_length=1.5, gain=1800.0, mirror_omega=100.0, mirror_zeta=0.3)
+    plant = ModalPlant(
+        omega=[300.0, 100 * np.sqrt(1801) * (1 + offset), 9000.0],
+        zeta=zeta,
+        shape_in=[[1.0], [2.0], [1.0]],
+        shape_out=[[1.0, 0.5, 0.2], [0.3, 1.0, -1.0]],
+        inputs=["u"],
+        outputs=["x", "y"],
+    )
+    loop = line_of_sight_diagram(sight, plant, plant_outputs=["x", "y"], signals=("spot", "angle", "tilt"))
+    t, u = np.arange(4000) * 1e-4, np.random.default_rng(0).normal(size=(1, 4000))
+    apart = simulate(loop, t, u).outputs.values
+    monkeypatch.setattr("flexplant.loop.fused.separation", lambda cascade: None)
+    together = simulate(loop, t, u).outputs.values
+    assert (abs(apart - together).max(axis=1) < 1e-12 * abs(together).max(axis=1)).all()
