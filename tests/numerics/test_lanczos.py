@@ -10,7 +10,7 @@ import scipy.sparse as sp
 from flexplant.errors import SolverError
 from flexplant.numerics.completion import completed
 from flexplant.numerics.eigen import Pencil, Wanted, dense_eigenpairs, shift_invert, sparse_eigenpairs
-from flexplant.numerics.factorization import BACKENDS, Estimate, analyze, factorize
+from flexplant.numerics.factorization import Estimate, analyze, factorize
 from flexplant.numerics.lanczos import lanczos
 from flexplant.numerics.sturm import count_below, gap_below_last, is_cheap
 
@@ -240,7 +240,7 @@ def test_modes_around_a_shift_between_them():
     np.testing.assert_allclose(found.omega2, values[:12], rtol=1e-9)
 
 
-@pytest.mark.parametrize("backend", sorted(BACKENDS))
+@pytest.mark.parametrize("backend", ["rslab", "superlu"])
 def test_sturm_count_equals_the_number_of_eigenvalues(backend):
     k, m = problem()
     values = la.eigh(k.toarray(), m.toarray(), eigvals_only=True)
@@ -293,7 +293,7 @@ def test_estimate_comes_before_the_work_and_refuses():
     assert analyze(k, backend="superlu").estimate is None
 
 
-@pytest.mark.parametrize("backend", sorted(set(BACKENDS) - {"cholmod"}))
+@pytest.mark.parametrize("backend", ["rslab", "superlu"])
 def test_complex_symmetric_solutions(backend):
     k, m = problem()
     a = sp.csc_array(k * (1 + 0.03j) - 1e3 * m)
