@@ -114,7 +114,8 @@ class Krylov:
     def vectors(self, theta: FloatArray, s: FloatArray) -> FloatArray:
         """Ritz vectors after one more, implicit, application of the operator: X = V S + V_next B S_last / theta."""
         tail = self.coupling @ s[s.shape[0] - self.coupling.shape[1] :] / theta
-        return np.asarray(self.basis[:, self.locked : self.last] @ s + self.basis[:, self.last : self.size] @ tail)
+        columns = self.basis[:, self.locked : self.size]
+        return np.asarray(dgemm(1.0, columns, np.vstack([s, tail])))
 
     def restart(self, theta: FloatArray, s: FloatArray) -> None:
         """Thick restart: keep the Ritz vectors V S and the residual block, which couples to all of them."""

@@ -89,7 +89,9 @@ def lanczos(
         pick = _wanted(theta, n_modes, below)
     theta, s, closed = theta[pick], s[:, pick], space.exhausted and space.size == space.last
     vectors = space.vectors(theta, s)
-    vectors /= norms(vectors, mass @ vectors)
+    for start in range(0, vectors.shape[1], block):
+        some = vectors[:, start : start + block]
+        some /= norms(some, mass @ some)
     return LanczosPairs(shift + 1 / theta, vectors, residual[pick] / abs(theta), blocks, restarts, closed)
 
 

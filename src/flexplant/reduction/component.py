@@ -33,6 +33,7 @@ def hcb_component(
     """
     part = interior.part
     model, n_b, n_q = part.model, part.b.size, interior.raw.shape[1]
+    part.solve_no_more()
     mass, stiffness = np.eye(n_b + n_q), np.zeros((n_b + n_q, n_b + n_q))
     mass[:n_b, :n_b], stiffness[:n_b, :n_b] = part.condensed("mass"), part.condensed("stiffness")
     mass[n_b:, :n_b] = coupling(interior)

@@ -139,7 +139,13 @@ class Partition:
         """Psi = -Kii^-1 Kib, (n_i, n_b): interior motion for unit boundary displacements."""
         if not self.i.size:
             return np.zeros((0, self.b.size))
-        return -np.asarray(self.factor.solve(dense(self.stiffness[1])))
+        answer = np.asarray(self.factor.solve(dense(self.stiffness[1])))
+        return np.asarray(np.negative(answer, out=answer))
+
+    def solve_no_more(self) -> None:
+        """Free the factor, most of the memory held, once the constraint modes are there; asked for again it is made anew."""
+        if self.constraint_modes.size:
+            self.__dict__.pop("factor", None)
 
     def full_basis(self, interior: FloatArray, out: FloatArray | None = None) -> FloatArray:
         """(n, n_b + n_q) basis T = [I, 0; Psi, Phi] in the model's row order, written to `out` where that is given."""
