@@ -6,10 +6,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from structures import chain
 
 from flexplant.errors import ReadError
 from flexplant.io import read_component, write_component
 from flexplant.modes import normal_modes
+from flexplant.reduction import craig_bampton
 from flexplant.verification import mass_properties
 
 N = 8
@@ -85,3 +87,13 @@ def test_malformed_files_name_the_line(tmp_path: Path, change: tuple[str, str], 
     (tmp_path / "s.dat").write_text(text().replace(*change, 1))
     with pytest.raises(ReadError, match=message):
         read_component(tmp_path / "s.dat")
+
+
+def test_another_reader_of_openfast_files_gets_our_matrices(tmp_path: Path) -> None:
+    """weio (MIT; by an author of OpenFAST's own tools) reads what we write, bit by bit."""
+    other = pytest.importorskip("weio.fast_input_file", reason="weio is not installed (pip install weio)")
+    component = craig_bampton(chain(), [(1, "123456")], n_modes=4, damping_ratio=0.01)
+    write_component(component, tmp_path / "platform.extptfm")
+    found = other.FASTInputFileBase(str(tmp_path / "platform.extptfm"))
+    for name, matrix in (("Mass", component.mass), ("Stiffness", component.stiffness), ("Damping", component.damping)):
+        np.testing.assert_array_equal(np.array(found[f"{name}Matrix"], dtype=float), matrix)

@@ -49,6 +49,6 @@ WRITER = Writer(
     name="extptfm",
     description="OpenFAST ExtPtfm superelement text",
     suffixes=(".extptfm",),
-    tested_against="the reading rules of OpenFAST 2.3",
+    tested_against="weio 2.0, the reading rules of OpenFAST 2.3",
     writers={"write_component": write_component},
 )
