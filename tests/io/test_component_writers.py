@@ -154,6 +154,7 @@ def test_extptfm_text_comes_back_bit_equal(tmp_path: Path) -> None:
         read_component(tmp_path / "cut.extptfm")
 
 
+@pytest.mark.slow
 def test_extptfm_lines_of_loads_stay_within_what_openfast_reads(tmp_path: Path) -> None:
     """OpenFAST reads them into 4096 characters, and takes a line that begins with a title for that title."""
 

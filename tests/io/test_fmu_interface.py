@@ -138,7 +138,9 @@ def test_functions_are_those_of_the_standard(tmp_path: Path, version: int) -> No
 
 
 @needs_gcc
-@pytest.mark.parametrize("compiler", ["gcc", "clang", "x86_64-w64-mingw32-gcc"])
+@pytest.mark.parametrize(
+    "compiler", ["gcc", *(pytest.param(c, marks=pytest.mark.slow) for c in ("clang", "x86_64-w64-mingw32-gcc"))]
+)
 @pytest.mark.parametrize("options", [{}, {"version": 3}])
 def test_sources_compile_without_a_warning(tmp_path: Path, compiler: str, options: dict) -> None:
     if shutil.which(compiler) is None:
