@@ -22,6 +22,7 @@ from flexplant.loop.diagram import Diagram, block_diagonal
 from flexplant.model.arrays import FloatArray
 from flexplant.plant.modal import ModalPlant
 from flexplant.plant.state_space import StateSpace, output_rows
+from flexplant.plant.subset import with_modes
 
 ComplexArray: TypeAlias = npt.NDArray[np.complex128]
 
@@ -81,8 +82,8 @@ def bordered(diagram: Diagram) -> Bordered:
         ports.append((slice(at[0], at[0] + len(plant.outputs)), slice(at[1], at[1] + len(plant.inputs))))
         at = ports[-1][0].stop, ports[-1][1].stop
         lasting = plant.zeta * plant.omega == 0
-        damped.append(part_of(plant, ~lasting))
-        loose.append(replace(part_of(plant, lasting), feedthrough=None, static_correction=None))
+        damped.append(with_modes(plant, ~lasting))
+        loose.append(replace(with_modes(plant, lasting), feedthrough=None, static_correction=None))
     wide = ((0, 0), (0, u.size - B.shape[1]))
     tall = ((0, y.size - C.shape[0]), (0, 0))
     rows = [_rows(plant) for plant in loose]
@@ -119,23 +120,6 @@ def _rows(plant: ModalPlant) -> tuple[FloatArray, FloatArray, FloatArray]:
 def _stacked(matrices: list[FloatArray], before: tuple[int, int]) -> FloatArray:
     """Block diagonal, after an empty block of the given shape."""
     return np.asarray(scipy.linalg.block_diag(np.zeros(before), *matrices), dtype=float)
-
-
-def part_of(plant: ModalPlant, which: npt.NDArray[np.bool_]) -> ModalPlant:
-    """The plant with only these modes, and all its direct terms."""
-
-    def columns(shapes: FloatArray | None) -> FloatArray | None:
-        return None if shapes is None else shapes[:, which]
-
-    return replace(
-        plant,
-        omega=plant.omega[which],
-        zeta=plant.zeta[which],
-        shape_in=plant.shape_in[which],
-        shape_out=columns(plant.shape_out),
-        shape_out_velocity=columns(plant.shape_out_velocity),
-        shape_out_acceleration=columns(plant.shape_out_acceleration),
-    )
 
 
 def direct_of(plant: ModalPlant) -> FloatArray:

@@ -12,7 +12,7 @@ from flexplant.loop.cascade import Cascade
 from flexplant.loop.layout import Layout, aligned, block_length
 from flexplant.loop.lifted import stepped
 from flexplant.loop.parallel import separated, separation
-from flexplant.loop.recursion import Recursion
+from flexplant.loop.recursion import Recursion, Standing
 from flexplant.loop.stepping import Stepper, stepper
 from flexplant.loop.tiled import MOST_REST, Rows, TileSteps
 from flexplant.model.arrays import FloatArray
@@ -89,7 +89,7 @@ def parallel_rows(cascade: Cascade, every: int) -> tuple[Rows | None, FloatArray
     return (rows, T) if rows.fit else (None, None)
 
 
-class FusedRecursion:
+class FusedRecursion(Standing):
     """x[k+1] = F x[k] + G w[k] of a cascade, resumable; equal to the lifted `Recursion` to round-off.
 
     With a first-order hold the state is shifted by what the ramp adds, x - R w, which makes the recursion causal: each sample
@@ -97,9 +97,8 @@ class FusedRecursion:
     """
 
     def __init__(self, cascade: Cascade, dt: float, state: FloatArray, hold: str, every: int = 1) -> None:
-        self.cascade, self.every, self.position = cascade, every, 0
-        self.order = np.r_[cascade.modal_states, cascade.other_states]
-        self.state = state[self.order].copy()
+        super().__init__(cascade, state)
+        self.every, self.position = every, 0
         rows, self._T = parallel_rows(cascade, every)
         own = cascade if self._T is None else separated(cascade, self._T)
         one, nw = stepper(own, dt, hold), own.B.shape[1]
@@ -132,18 +131,6 @@ class FusedRecursion:
             return state
         both = self._T.shape[1]
         return np.concatenate([state[:both], state[both:] + sign * (self._T @ state[:both])])
-
-    def last(self, w: FloatArray) -> FloatArray:
-        """(nz,) outputs at the sample that the state stands at, for the inputs w (nw,)."""
-        rows = np.hstack([self.cascade.C_modes, self.cascade.C])
-        return np.asarray(rows @ self.state + self.cascade.D @ w)
-
-    @property
-    def whole_state(self) -> FloatArray:
-        """(N,) the state in the order of `close` or `state_space`."""
-        out = np.empty(self.state.size)
-        out[self.order] = self.state
-        return out
 
 
 def recursion_of(cascade: Cascade, dt: float, state: FloatArray, hold: str, every: int = 1) -> FusedRecursion | Recursion:

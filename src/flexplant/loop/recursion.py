@@ -25,7 +25,27 @@ class Trajectory:
     final_state: FloatArray
 
 
-class Recursion:
+class Standing:
+    """The state that a cascade stands at between runs: `state` (N,) is [eta, eta', l]."""
+
+    def __init__(self, cascade: Cascade, state: FloatArray) -> None:
+        self.cascade, self.order = cascade, np.r_[cascade.modal_states, cascade.other_states]
+        self.state = state[self.order].copy()
+
+    def last(self, w: FloatArray) -> FloatArray:
+        """(nz,) outputs at the sample that the state stands at, for the inputs w (nw,)."""
+        rows = np.hstack([self.cascade.C_modes, self.cascade.C])
+        return np.asarray(rows @ self.state + self.cascade.D @ w)
+
+    @property
+    def whole_state(self) -> FloatArray:
+        """(N,) the state in the order of `close` or `state_space`."""
+        out = np.empty(self.state.size)
+        out[self.order] = self.state
+        return out
+
+
+class Recursion(Standing):
     """x[k+1] = F x[k] + G w of a cascade, resumable: each `run` goes on from the state that the last one left.
 
     state: (N,) [eta, eta', l]. Over L steps the recursion is x[k+L] = F^L x[k] + R [w[k] ... w[k+L]] and the outputs in between
@@ -33,8 +53,7 @@ class Recursion:
     """
 
     def __init__(self, cascade: Cascade, dt: float, state: FloatArray, hold: str, every: int = 1) -> None:
-        self.cascade, self.order = cascade, np.r_[cascade.modal_states, cascade.other_states]
-        self.state = state[self.order].copy()
+        super().__init__(cascade, state)
         self.one: Stepper = stepper(cascade, dt, hold)
         self.lifted: Lifted = lifted(cascade, self.one, dt, every)
         transposed = (self.lifted.long.A.T, self.lifted.long.from_modes.T)
@@ -71,18 +90,6 @@ class Recursion:
         for now, change in zip(w[:-1], np.diff(w, axis=0), strict=True):
             x = stepped(self.one, x[None])[0] + np.r_[now, change] @ self.one.drive
         return x
-
-    def last(self, w: FloatArray) -> FloatArray:
-        """(nz,) outputs at the sample that the state stands at, for the inputs w (nw,)."""
-        rows = np.hstack([self.cascade.C_modes, self.cascade.C])
-        return np.asarray(rows @ self.state + self.cascade.D @ w)
-
-    @property
-    def whole_state(self) -> FloatArray:
-        """(N,) the state in the order of `close` or `state_space`."""
-        out = np.empty(self.state.size)
-        out[self.order] = self.state
-        return out
 
 
 def chunks(total: int, size: int) -> Iterator[tuple[int, int]]:

@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 
 from flexplant.errors import expect
-from flexplant.model.arrays import FloatArray
 from flexplant.plant.modal import ModalPlant
+from flexplant.plant.subset import with_modes
 
 
 def without_rigid_body(plant: ModalPlant) -> ModalPlant:
@@ -19,18 +19,5 @@ def without_rigid_body(plant: ModalPlant) -> ModalPlant:
     """
     expect(plant, ModalPlant, "without_rigid_body", "modal_plant(system, ...) makes one")
     keep = plant.omega > 0
-
-    def columns(matrix: FloatArray | None) -> FloatArray | None:
-        return None if matrix is None else matrix[:, keep]
-
-    return replace(
-        plant,
-        omega=plant.omega[keep],
-        zeta=plant.zeta[keep],
-        shape_in=plant.shape_in[keep],
-        shape_out=columns(plant.shape_out),
-        shape_out_velocity=columns(plant.shape_out_velocity),
-        shape_out_acceleration=columns(plant.shape_out_acceleration),
-        damping=None if plant.damping is None else plant.damping[np.ix_(keep, keep)],
-        report={**plant.report, "rigid_body_modes_left_out": int(np.count_nonzero(~keep))},
-    )
+    left_out = int(np.count_nonzero(~keep))
+    return replace(with_modes(plant, keep), report={**plant.report, "rigid_body_modes_left_out": left_out})

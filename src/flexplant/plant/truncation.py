@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -14,6 +13,7 @@ from flexplant.model.arrays import FloatArray, is_number
 from flexplant.plant.balanced import gramian_singular_values, gramians
 from flexplant.plant.modal import ModalPlant
 from flexplant.plant.state_space import StateSpace, state_space
+from flexplant.plant.subset import with_modes
 
 MEASURES = ("peak", "hankel")
 
@@ -75,7 +75,7 @@ def hankel_singular_values(plant: ModalPlant) -> FloatArray:
     flexible = plant.omega > 0
     values = np.full(plant.n_modes, np.inf)
     if plant.damping is not None:
-        values[flexible] = _from_gramians(_kept(plant, flexible))
+        values[flexible] = _from_gramians(with_modes(plant, flexible))
         return values
     c0, c1, c2 = (rows[:, flexible] for rows in _rows(plant))
     w, b = plant.omega[flexible], np.linalg.norm(plant.shape_in[flexible], axis=1)
@@ -93,23 +93,6 @@ def _from_gramians(plant: ModalPlant) -> FloatArray:
     blocks = [g[pairs[:, :, None], pairs[:, None, :]] for g in (controllable, observable)]
     found = np.linalg.eigvals(blocks[0] @ blocks[1]).real.max(axis=1)
     return np.asarray(np.sqrt(np.maximum(found, 0.0)))
-
-
-def _kept(plant: ModalPlant, which: npt.NDArray[Any]) -> ModalPlant:
-    def columns(shapes: FloatArray | None) -> FloatArray | None:
-        return None if shapes is None else shapes[:, which]
-
-    at = np.flatnonzero(which) if which.dtype == bool else which
-    return replace(
-        plant,
-        omega=plant.omega[at],
-        zeta=plant.zeta[at],
-        damping=None if plant.damping is None else plant.damping[np.ix_(at, at)],
-        shape_in=plant.shape_in[at],
-        shape_out=columns(plant.shape_out),
-        shape_out_velocity=columns(plant.shape_out_velocity),
-        shape_out_acceleration=columns(plant.shape_out_acceleration),
-    )
 
 
 def reduce_modes(
@@ -140,7 +123,7 @@ def reduce_modes(
         total = np.cumsum(values[order])
         dropped = order[: int(np.count_nonzero(total <= tolerance * values[order[-1]]))] if order.size else order
     dropped = np.sort(dropped)
-    reduced = _kept(plant, np.setdiff1d(np.arange(plant.n_modes), dropped))
+    reduced = with_modes(plant, np.setdiff1d(np.arange(plant.n_modes), dropped))
     if static_correction and dropped.size:
         position, _, _ = _rows(plant)
         gain = (position[:, dropped] / plant.omega[dropped] ** 2) @ plant.shape_in[dropped]
@@ -169,7 +152,7 @@ def _error_bound(plant: ModalPlant, reduced: ModalPlant, dropped: npt.NDArray[np
         return 0.0
     if plant.damping is not None:
         return _lyapunov_bound(plant, reduced)
-    part = _kept(plant, dropped)
+    part = with_modes(plant, dropped)
     c0, c1, c2 = _rows(part)
     if static:  # c0 + s c1 + s^2 c2 - c0 (s^2 + 2 zeta w s + w^2) / w^2
         c0, c1, c2 = np.zeros_like(c0), c1 - 2 * part.zeta * c0 / part.omega, c2 - c0 / part.omega**2
@@ -178,7 +161,7 @@ def _error_bound(plant: ModalPlant, reduced: ModalPlant, dropped: npt.NDArray[np
 
 def _lyapunov_bound(plant: ModalPlant, reduced: ModalPlant) -> float:
     """||D|| + 2 sum of the Hankel singular values of plant - reduced, rigid-body modes (the same in both) left out."""
-    a, b = (state_space(_kept(p, p.omega > 0)) for p in (plant, reduced))
+    a, b = (state_space(with_modes(p, p.omega > 0)) for p in (plant, reduced))
     A, B, C = scipy.linalg.block_diag(a.A, b.A), np.vstack([a.B, b.B]), np.hstack([a.C, -b.C])
     error = StateSpace(A, B, C, a.D - b.D, plant.inputs, plant.outputs)
     return float(np.linalg.norm(error.D, 2) + 2 * gramian_singular_values(error).sum())

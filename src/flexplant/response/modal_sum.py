@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TypeAlias
 
 import numpy as np
@@ -13,6 +13,7 @@ import scipy.linalg
 from flexplant.errors import InputError
 from flexplant.model.arrays import FloatArray, IntArray
 from flexplant.plant.modal import ModalPlant
+from flexplant.plant.subset import with_modes
 from flexplant.response.receptance import ModalSum
 
 ComplexArray: TypeAlias = npt.NDArray[np.complex128]
@@ -176,22 +177,7 @@ def _add_fully_damped(plant: ModalPlant, omega: FloatArray, out: ComplexArray) -
 
 def _part(plant: ModalPlant, which: npt.NDArray[np.bool_]) -> ModalPlant:
     """The selected modes alone, without direct terms."""
-
-    def columns(shapes: FloatArray | None) -> FloatArray | None:
-        return None if shapes is None else shapes[:, which]
-
-    return ModalPlant(
-        omega=plant.omega[which],
-        zeta=plant.zeta[which],
-        damping=None if plant.damping is None else plant.damping[np.ix_(which, which)],
-        shape_in=plant.shape_in[which],
-        shape_out=columns(plant.shape_out),
-        shape_out_velocity=columns(plant.shape_out_velocity),
-        shape_out_acceleration=columns(plant.shape_out_acceleration),
-        inputs=plant.inputs,
-        outputs=plant.outputs,
-        name=plant.name,
-    )
+    return replace(with_modes(plant, which), feedthrough=None, static_correction=None)
 
 
 def _add_pole_residue(plant: ModalPlant, omega: FloatArray, out: ComplexArray) -> bool:

@@ -14,6 +14,7 @@ from flexplant.errors import InputError, nearest
 from flexplant.model.arrays import FloatArray, is_number
 from flexplant.plant.modal import ModalPlant
 from flexplant.plant.state_space import Descriptor, StateSpace, state_space
+from flexplant.plant.subset import with_modes
 from flexplant.plant.truncation import peak_gains
 from flexplant.response.frequency import Plant, frequency_response
 from flexplant.response.interval_bound import Bracket, bracket, polished
@@ -142,24 +143,10 @@ def _sees_rigid(plant: ModalPlant, rigid: npt.NDArray[np.bool_]) -> bool:
 def _without(plant: ModalPlant, modes: npt.NDArray[np.int64]) -> ModalPlant:
     """The plant without modes that the outputs do not see, but for the constant share of rigid-body accelerations."""
     kept = np.setdiff1d(np.arange(plant.n_modes), modes)
-
-    def columns(shapes: FloatArray | None) -> FloatArray | None:
-        return None if shapes is None else shapes[:, kept]
-
     constant = np.zeros_like(plant.direct)
     if plant.shape_out_acceleration is not None:
         constant = plant.shape_out_acceleration[:, modes] @ plant.shape_in[modes]
-    return replace(
-        plant,
-        omega=plant.omega[kept],
-        zeta=plant.zeta[kept],
-        shape_in=plant.shape_in[kept],
-        shape_out=columns(plant.shape_out),
-        shape_out_velocity=columns(plant.shape_out_velocity),
-        shape_out_acceleration=columns(plant.shape_out_acceleration),
-        feedthrough=plant.direct + constant,
-        static_correction=None,
-    )
+    return replace(with_modes(plant, kept), feedthrough=plant.direct + constant, static_correction=None)
 
 
 def _norm(system: StateSpace, tolerance: float) -> HinfNorm:
