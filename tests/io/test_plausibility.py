@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import warnings
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -39,23 +40,38 @@ def in_units(model, length: float, mass: float, factor: float = 1.0):
     return replace(model, **matrices, nodes=nodes, units="as written", source={})
 
 
+def alarms(*readings) -> list[str]:
+    """What is told while files are read."""
+    with warnings.catch_warnings(record=True) as told:
+        warnings.simplefilter("always", fp.PlausibilityWarning)
+        for read in readings:
+            read()
+    return [str(w.message) for w in told]
+
+
 def test_right_units_raise_no_alarm() -> None:
-    """Every delivered file with its own units."""
-    for job in ("clamped", "rigid"):
-        read_model(CALCULIX / f"{job}.sti", units="SI")
-    for name in ("outboard.op4", "inboard.op4"):
-        read_component(TRUSS / name, units="mm-kg-s")
-    read_component(TRUSS / "nas2cam.op2", units="mm-kg-s", superelement=101)
-    for part in ("bus", "optic"):
-        read_component(SHOCKSAT / f"{part}.OU1")
-        read_model(shared("shocksat", f"{part}_KM.npz"), geometry=shared("shocksat", f"cb_{part}.bdf"))
-    read_component(shared("cofe_dmig_bar", "barmat.pch"))
-    read_model(shared("exudyn_rotor", "rotorDiscTestSTIF1.mtx"), stiffness_factor=1e-2)
-    read_model(shared("exudyn_rotor", "rotorAnsysStiffnessMatrixSparse.txt"))
+    """Our own files, each with its units."""
+    calculix = [partial(read_model, CALCULIX / f"{job}.sti", units="SI") for job in ("clamped", "rigid")]
+    truss = [partial(read_component, TRUSS / f"{name}.op4", units="mm-kg-s") for name in ("outboard", "inboard")]
+    truss.append(partial(read_component, TRUSS / "nas2cam.op2", units="mm-kg-s", superelement=101))
+    assert alarms(*calculix, *truss, *(partial(read_component, SHOCKSAT / f"{part}.OU1") for part in ("bus", "optic"))) == []
+    assert len(alarms(partial(read_component, TRUSS / "outboard.op4", units="SI"))) == 1, "the same ears hear a wrong unit"
+
+
+def test_delivered_files_with_right_units_raise_no_alarm() -> None:
+    """Every delivered file, each with its units."""
+    readings = [
+        partial(read_model, shared("shocksat", f"{part}_KM.npz"), geometry=shared("shocksat", f"cb_{part}.bdf"))
+        for part in ("bus", "optic")
+    ]
+    readings.append(partial(read_component, shared("cofe_dmig_bar", "barmat.pch")))
+    readings.append(partial(read_model, shared("exudyn_rotor", "rotorDiscTestSTIF1.mtx"), stiffness_factor=1e-2))
+    readings.append(partial(read_model, shared("exudyn_rotor", "rotorAnsysStiffnessMatrixSparse.txt")))
     beams = shared("cofe_cb_beams", "cantilever_components_KM.npz")
     for i in (1, 2):
         deck = shared("cofe_cb_beams", "cantilever_bar", f"cantileverBar{i}.dat")
-        read_model(beams, part=i, geometry=deck, units="inch-slinch-s")
+        readings.append(partial(read_model, beams, part=i, geometry=deck, units="inch-slinch-s"))
+    assert alarms(*readings) == []
 
 
 def test_a_truss_in_millimetres_read_as_si_warns_once() -> None:
