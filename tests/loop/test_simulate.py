@@ -21,9 +21,10 @@ from flexplant.loop.diagram import Diagram
 from flexplant.loop.harmonic import harmonic_response
 from flexplant.loop.line_of_sight import line_of_sight_diagram
 from flexplant.loop.simulate import simulate
+from flexplant.plant.discretize import discretize
 from flexplant.plant.modal import ModalPlant
 from flexplant.plant.rigid_body import without_rigid_body
-from flexplant.plant.state_space import Descriptor, state_space
+from flexplant.plant.state_space import Descriptor, StateSpace, state_space
 
 
 def relative(a, b):
@@ -292,3 +293,24 @@ BODY = ModalPlant(omega=[0.0, 3.0], zeta=0.0, shape_in=[[1.0], [1.0]], shape_out
 def test_errors(call, message):
     with pytest.raises(InputError, match=message):
         call()
+
+
+@pytest.mark.parametrize("plant_first", [True, False])
+def test_the_final_state_stands_in_the_diagrams_own_order(plant_first):
+    """A listening plant and a filter behind it, in either order: the state is that of the closed system, and starts it again."""
+    plant = ModalPlant(omega=[5.0, 9.0], zeta=0.02, shape_in=[[1.0], [0.5]], shape_out=[[1.0, 2.0]], inputs=["f"], outputs=["y"])
+    lag = StateSpace(np.array([[-3.0]]), np.array([[2.0]]), np.array([[1.0]]), np.zeros((1, 1)), ["in"], ["out"])
+    blocks = {"plant": plant, "lag": lag} if plant_first else {"lag": lag, "plant": plant}
+    wires = {"connections": [("plant.y", "lag.in")], "inputs": {"f": "plant.f"}, "outputs": {"z": "lag.out", "y": "plant.y"}}
+    diagram = Diagram(blocks=blocks, **wires)
+    t, u = np.arange(301) * 0.01, np.random.default_rng(3).normal(size=(1, 301))
+    whole = simulate(diagram, t, u, hold="zero")
+    step = discretize(close(diagram), 0.01, hold="zero")
+    x = np.zeros(step.n_states)
+    for value in u[0, :-1]:
+        x = step.A @ x + step.B @ [value]
+    np.testing.assert_allclose(whole.final_state.values, x, atol=1e-12 * abs(x).max())
+    again = simulate(
+        diagram, t[:101], u[:, 200:], initial=simulate(diagram, t[:201], u[:, :201], hold="zero").final_state, hold="zero"
+    )
+    np.testing.assert_allclose(again.outputs.values, whole.outputs.values[:, 200:], atol=1e-12 * abs(whole.outputs.values).max())

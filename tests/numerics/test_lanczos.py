@@ -11,6 +11,7 @@ from flexplant.errors import SolverError
 from flexplant.numerics.completion import completed
 from flexplant.numerics.eigen import Pencil, Wanted, dense_eigenpairs, shift_invert, sparse_eigenpairs
 from flexplant.numerics.factorization import Estimate, analyze, factorize
+from flexplant.numerics.krylov import Krylov
 from flexplant.numerics.lanczos import lanczos
 from flexplant.numerics.sturm import count_below, gap_below_last, is_cheap
 
@@ -309,3 +310,18 @@ def test_an_analysis_serves_other_values_and_patterns():
     b = np.ones(400)
     for matrix in (k, sp.csr_array(k + 7 * m), sp.csr_array(sp.diags_array(np.arange(1.0, 401)))):
         np.testing.assert_allclose(matrix @ analysis.factorize(matrix).solve(b), b, atol=1e-9)
+
+
+def test_ritz_vectors_are_one_application_better():
+    """X = OP V S / theta, which the recurrence has in its next block, without another solution."""
+    k, m = problem()
+    factor = factorize(k)
+    space = Krylov(factor.solve, m, np.zeros((k.shape[0], 0)), 80, 4, 1)
+    for _ in range(5):
+        space.step()
+    theta, s, _ = space.ritz()
+    pick = slice(-6, None)
+    found = space.vectors(theta[pick], s[:, pick])
+    applied = factor.solve(m @ (space.basis[:, : space.last] @ s[:, pick])) / theta[pick]
+    np.testing.assert_allclose(found, applied, atol=1e-10 * abs(applied).max())
+    assert abs(found - space.basis[:, : space.last] @ s[:, pick]).max() > 1e-6 * abs(found).max(), "the blocks left something"
