@@ -3,13 +3,32 @@
 from __future__ import annotations
 
 import difflib
+import sys
 from collections.abc import Iterable
 from numbers import Integral
 from pathlib import Path
+from typing import ClassVar
+
+LONGEST, END = 400, 130  # characters of a message, and how many of them are its end, where the next thing to try stands
 
 
 class FlexplantError(Exception):
-    """Base of every error that flexplant raises on purpose."""
+    """Base of every error that flexplant raises on purpose.
+
+    Its message is one line, and the middle is left out where what the user gave, and is told again, is very long.
+    """
+
+    by_line: ClassVar[bool] = False  # True: several findings, a line each
+
+    def __init__(self, message: object = "") -> None:
+        lines = str(message).split("\n") if self.by_line else [str(message)]
+        super().__init__("\n".join(map(_bounded, lines)))
+
+
+def _bounded(text: str) -> str:
+    if "\n" in text or "\r" in text:
+        text = " ".join(text.split())
+    return text if len(text) <= LONGEST else f"{text[: LONGEST - END - 5]} ... {text[-END:]}"
 
 
 class InputError(FlexplantError, ValueError):
@@ -30,6 +49,8 @@ class DiagramError(InputError):
 
 class StudyError(InputError):
     """A study file that cannot be used; the message gives the line and the allowed values."""
+
+    by_line = True
 
 
 class ReadError(FlexplantError):
@@ -56,6 +77,8 @@ class SolverError(FlexplantError):
 class CheckFailedError(FlexplantError):
     """One or more checks of a `CheckReport` failed."""
 
+    by_line = True
+
 
 class MissingExtraError(FlexplantError, ImportError):
     """An optional dependency is not installed; the message names the extra to install."""
@@ -74,16 +97,29 @@ def expect(value: object, kind: type, what: str, remedy: str) -> None:
         raise InputError(f"{what} takes a {kind.__name__}, got {type(value).__name__}; {remedy}")
 
 
-def expect_count(value: object, what: str, *, least: int = 0) -> None:
-    """InputError unless `value` is a whole number from `least`."""
-    if isinstance(value, bool) or not isinstance(value, Integral) or value < least:
-        raise InputError(f"{what} must be a whole number from {least}, got {value!r:.60}")
+def expect_count(value: object, what: str, *, least: int = 0, most: int = sys.maxsize) -> None:
+    """InputError unless `value` is a whole number from `least` to `most`."""
+    if isinstance(value, bool) or not isinstance(value, Integral) or not least <= int(value) <= most:
+        limit = f" to {most}" if most < sys.maxsize else ""
+        raise InputError(f"{what} must be a whole number from {least}{limit}, got {value!r:.60}")
 
 
-def nearest(name: str, known: Iterable[str]) -> str:
+def expect_choice(value: object, choices: Iterable[str], what: str) -> None:
+    """InputError with the nearest of the words unless `value` is one of them."""
+    if not isinstance(value, str) or value not in choices:
+        raise InputError(f"{what}={value!r:.60} is not a choice." + nearest(value, choices))
+
+
+def expect_text(value: object, what: str, *, empty: bool = False) -> None:
+    """InputError unless `value` is a text in one line, not empty unless that is allowed."""
+    if not isinstance(value, str) or not value.isprintable() or not (value or empty):
+        raise InputError(f"{what} must be a text in one line{'' if empty else ', not empty'}, got {value!r:.60}")
+
+
+def nearest(name: object, known: Iterable[str]) -> str:
     """A hint such as " Did you mean 'bus.9001.1'?" (or the first few known names) for an unknown name."""
     known = list(known)
-    close = difflib.get_close_matches(name, known, n=3, cutoff=0.6)
+    close = difflib.get_close_matches(name[:200], known, n=3, cutoff=0.6) if isinstance(name, str) else []
     if close:
         return " Did you mean " + " or ".join(repr(c) for c in close) + "?"
     shown = ", ".join(repr(k) for k in known[:8]) + (", ..." if len(known) > 8 else "")

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import math
+import sys
+from collections.abc import Iterable
 from typing import Any, TypeAlias, TypeGuard
 
 import numpy as np
 import numpy.typing as npt
 import scipy.sparse as sp
 
-from flexplant.errors import ModelError
+from flexplant.errors import InputError, ModelError
 
 FloatArray: TypeAlias = npt.NDArray[np.float64]
 IntArray: TypeAlias = npt.NDArray[np.int64]
@@ -33,19 +36,46 @@ def frozen(array: npt.ArrayLike, dtype: npt.DTypeLike = np.float64, *, what: str
 
 
 def is_number(value: object) -> TypeGuard[float]:
-    """True for one real number, Python's or numpy's, or an array of no dimensions."""
-    return isinstance(value, (int, float, np.integer, np.floating)) or (isinstance(value, np.ndarray) and value.shape == ())
+    """True for one real number, Python's or numpy's, or an array of no dimensions; no truth value, no integer beyond floats."""
+    if isinstance(value, np.ndarray):
+        return value.shape == () and value.dtype.kind in "iuf"
+    if isinstance(value, int):
+        return not isinstance(value, bool) and abs(value) <= sys.float_info.max
+    return isinstance(value, (float, np.integer, np.floating))
+
+
+def is_finite(value: object) -> TypeGuard[float]:
+    """True for one finite real number."""
+    return is_number(value) and math.isfinite(value)
+
+
+def checked_switch(value: object, what: str) -> bool:
+    """A truth value; InputError for anything that is merely as good as true or false, such as "no"."""
+    if not isinstance(value, (bool, np.bool_)):
+        raise InputError(f"{what} is True or False, got {value!r:.60}")
+    return bool(value)
 
 
 def real_values(values: Any, what: str) -> FloatArray:
-    """`values` as floats, of any shape; ModelError for text, ragged lists, and complex numbers, which a cast would halve."""
+    """`values` as floats, of any shape.
+
+    ModelError for text, ragged lists, one truth value, and complex numbers, which a cast would halve.
+    """
     try:
         given = np.asarray(values)
-        if given.dtype.kind in "cSU":
+        if given.dtype.kind in "cSU" or (given.dtype == bool and not given.shape):
             raise ValueError(f"of type {given.dtype}")
         return given.astype(np.float64, copy=False)
-    except (TypeError, ValueError) as error:
+    except (TypeError, ValueError, OverflowError) as error:
         raise ModelError(f"{what}: real numbers of one shape are needed ({error})") from None
+
+
+def items_of(values: object) -> list[Any] | None:
+    """What is listed in `values` in its order; None for a text and for what has no items or no order."""
+    nothing = isinstance(values, np.ndarray) and not values.shape
+    if nothing or isinstance(values, (str, bytes, set, frozenset)) or not isinstance(values, Iterable):
+        return None
+    return list(values)
 
 
 def is_sparse(matrix: Any) -> bool:
@@ -68,7 +98,7 @@ def checked_matrix(matrix: Any, shape: tuple[int | None, int | None], what: str)
         if np.iscomplexobj(given):
             raise ModelError(f"{what} is complex; give real matrices (structural damping is a choice of the plant's damping)")
         out: Any = sp.csr_array(given, dtype=np.float64, copy=True) if is_sparse(given) else given.astype(np.float64, copy=False)
-    except (TypeError, ValueError) as error:
+    except (TypeError, ValueError, OverflowError) as error:
         if isinstance(error, ModelError):
             raise
         raise ModelError(f"{what} is not a real numeric matrix ({error})") from None

@@ -2,33 +2,37 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
 from flexplant.errors import ModelError
-from flexplant.model.arrays import FloatArray, checked_matrix, dense, frozen
+from flexplant.model.arrays import FloatArray, checked_matrix, dense, frozen, items_of
 
 
 def checked_names(names: Sequence[str], what: str, owner: str) -> tuple[str, ...]:
     """Distinct channel names as a tuple; ModelError lists the repeated ones."""
     if isinstance(names, str):
-        raise ModelError(f"{owner}: {what} must be a list of names, got the text {names!r}; write [{names!r}]")
-    if not isinstance(names, Iterable):
+        raise ModelError(f"{owner}: {what} must be a list of names, got the text {names!r:.60}; write [{names!r:.60}]")
+    listed = items_of(names)
+    if listed is None:
         raise ModelError(f"{owner}: {what} must be a list of names, got {type(names).__name__}")
-    out = tuple(str(name) for name in names)
-    twice = sorted({name for name in out if out.count(name) > 1})
-    if twice:
+    out = tuple(listed)
+    if not all(isinstance(name, str) and name and name.isprintable() for name in out):
+        raise ModelError(f"{owner}: {what} must be names, each a text in one line that is not empty, got {list(out)!r:.60}")
+    if len(set(out)) < len(out):
+        twice = sorted({name for name in out if out.count(name) > 1})
         raise ModelError(f"{owner}: {what} listed twice: {', '.join(twice[:8])}")
     return out
 
 
 def checked_units(units: Sequence[str], count: int, what: str, owner: str) -> tuple[str, ...]:
     """One unit text a channel; nothing given means all empty."""
-    if isinstance(units, str) or not isinstance(units, Iterable):
-        raise ModelError(f"{owner}: {what} must be a list of texts, one a channel, got {units!r}")
-    out = tuple(str(u) for u in units) or ("",) * count
+    given = items_of(units)
+    if given is None or not all(isinstance(unit, str) for unit in given):
+        raise ModelError(f"{owner}: {what} must be a list of texts, one a channel, got {units!r:.60}")
+    out = tuple(given) or ("",) * count
     if len(out) != count:
         raise ModelError(f"{owner}: {len(out)} {what} for {count} channels")
     return out
