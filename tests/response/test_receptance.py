@@ -152,3 +152,25 @@ def test_direct_and_general_paths_are_one_response():
     both = frequency_response(mixed, hz).values
     assert abs(both[:2] - first).max() < 1e-13 * abs(first).max()
     assert np.allclose(both[2], -((2 * np.pi * hz) ** 2) * first[0], rtol=1e-9)
+
+
+@pytest.mark.parametrize("scale", [1e-60, 1e-20, 1e-6, 1e9, 1e30, 1e60])
+def test_units_of_time_do_not_matter(scale):
+    """1 / (wn^2 - w^2 + ...) scales with the square of the unit, far beyond where the squares of its parts fit three by three."""
+    rng = np.random.default_rng(2)
+    omega, columns = np.r_[0.0, rng.uniform(300, 6000, 40)], rng.normal(size=(4, 41))
+    w, zeta = np.linspace(0.0, 5000.0, 300), np.full(41, 0.01) * (omega > 0)
+    one = ModalSum(columns, omega, zeta)(w)
+    other = ModalSum(columns, omega * scale, zeta)(w * scale)
+    assert np.isfinite(other).all()
+    assert other * scale**2 == pytest.approx(one, rel=1e-11, abs=1e-13 * abs(one).max())
+
+
+def test_repeated_frequencies_on_an_undamped_mode_keep_the_others():
+    """Where three frequencies share a division, one of them on a pole leaves the other two as they are."""
+    omega = np.array([7.0, 20.0])
+    w = np.sort(np.r_[np.full(9, 7.0), np.linspace(1.0, 30.0, 39)])
+    found = ModalSum(np.array([[1.0, 0.0], [0.0, 1.0]]), omega, np.zeros(2))(w)
+    assert found[1] == pytest.approx(1 / (20.0**2 - w**2), rel=1e-13)
+    assert found[0, w != 7.0] == pytest.approx(1 / (7.0**2 - w[w != 7.0] ** 2), rel=1e-13)
+    assert (found[0, w == 7.0] == 0).all()

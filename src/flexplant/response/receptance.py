@@ -9,18 +9,19 @@ size (Trefethen, Approximation Theory and Approximation Practice, chapter 8). Th
 from __future__ import annotations
 
 from functools import lru_cache
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
 
 from flexplant.model.arrays import FloatArray, IntArray
-from flexplant.response.tiles import ROWS, STRIP, summed
+from flexplant.response.tiles import ROWS, STRIP, sum_blocks_numpy, summed
 
 ComplexArray: TypeAlias = npt.NDArray[np.complex128]
 RHO = 10 ** (15 / STRIP)
 REACH = 0.5 * (RHO + 1 / RHO)  # half the width of that ellipse, where the block is two wide
-TABLE = 4.0  # work of a receptance, beside that of adding it to ROWS rows
+TABLE = 2.5  # work of a receptance, beside that of adding it to ROWS rows
+PLAIN = (1e-15, 1e25)  # rad/s between which products of three squared sizes neither underflow nor overflow
 ANGLES = (np.arange(STRIP) + 0.5) * (np.pi / STRIP)
 # values at the nodes -> coefficients of Chebyshev polynomials
 TO_COEFFICIENTS = np.cos(np.outer(ANGLES, np.arange(STRIP))) * (np.where(np.arange(STRIP) == 0, 1.0, 2.0) / STRIP)
@@ -84,7 +85,14 @@ def _sum(total: ModalSum, w: FloatArray, derivative: int, direct: FloatArray, ro
     tables, bases = np.empty((n + int((strips * near).max())) * 2 * STRIP), np.empty(int(strips.max()) * STRIP**2)
     series = (np.cos(ANGLES), TO_COEFFICIENTS.ravel())
     target = (np.tile(direct[filled], groups), np.tile(rows[filled], groups), tables, bases, out.reshape(-1).view(np.float64))
-    summed(left.ravel(), total.omega, total.damping, np.ascontiguousarray(w).ravel(), blocks, *series, derivative, *target)
+    kernel: Any = summed if _plain(w) and _plain(total.omega) else sum_blocks_numpy
+    kernel(left.ravel(), total.omega, total.damping, np.ascontiguousarray(w).ravel(), blocks, *series, derivative, *target)
+
+
+def _plain(omega: FloatArray) -> bool:
+    """True for frequencies whose reciprocals may share a division."""
+    low, high = omega.min(where=omega > 0, initial=PLAIN[1]), omega.max(initial=PLAIN[0])
+    return bool(PLAIN[0] <= low and high <= PLAIN[1])
 
 
 def work_blocks(w: FloatArray, poles: FloatArray, tiles: int) -> IntArray:

@@ -168,8 +168,8 @@ def _receptances_numpy(modal: FloatArray, damping: FloatArray, center: float, of
 def teach(numba: Any) -> None:
     """Tell numba how to compile what `sum_blocks` calls."""
     extending = importlib.import_module("numba.extending")
-    for function in (receptances, polynomials, differentiate):
-        extending.register_jitable(function)
+    importlib.import_module("flexplant.response.tile_lanes")  # receptances and polynomials, which are `overloaded` there
+    extending.register_jitable(differentiate)
 
     def typed(context: Any) -> Any:  # noqa: ARG001  numba asks for it
         def tile(left, at, near, table, first, smooth, place, terms, basis, begin, direct, out, rows, row, step, shift):  # type: ignore[no-untyped-def]  # noqa: ARG001
