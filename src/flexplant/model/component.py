@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from flexplant.errors import ModelError
+from flexplant.errors import ModelError, expect_text
 from flexplant.model.arrays import FloatArray, Matrix, checked_matrix, checked_symmetric, dense, frozen
 from flexplant.model.dofs import DofSet
 from flexplant.model.geometry import Nodes
@@ -33,6 +33,12 @@ def _check_nodes(owner: str, nodes: Nodes | None, dofs: DofSet) -> None:
         raise ModelError(f"{owner}: DOF at nodes {missing[:8]} that are not in its {len(nodes)} nodes; add their positions")
 
 
+def _check_labels(owner: str, source: Mapping[str, Any], units: str) -> None:
+    if not isinstance(source, Mapping):
+        raise ModelError(f"{owner}: source must be a mapping, such as {{'path': ...}}, got {type(source).__name__}")
+    expect_text(units, f"{owner}: units")
+
+
 @dataclass(frozen=True, eq=False, kw_only=True)
 class FiniteElementModel:
     """An unreduced model  M u'' + Z u' + K u = f.
@@ -51,7 +57,7 @@ class FiniteElementModel:
     units: str = "SI"
 
     def __post_init__(self) -> None:
-        check_name(self.name, "model")
+        _check_labels(f"model {check_name(self.name, 'model')!r}", self.source, self.units)
         dofs = DofSet.of(self.dofs)
         object.__setattr__(self, "dofs", dofs)
         for kind in ("mass", "stiffness", "damping"):
@@ -91,6 +97,7 @@ class Component:
 
     def __post_init__(self) -> None:
         owner = f"component {check_name(self.name, 'component')!r}"
+        _check_labels(owner, self.source, self.units)
         boundary = DofSet.of(self.boundary)
         object.__setattr__(self, "boundary", boundary)
         mass = checked_symmetric(self.mass, None, f"{owner}: mass matrix")

@@ -10,7 +10,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from flexplant.errors import ModelError, expect
-from flexplant.model.arrays import FloatArray, is_number, is_sparse
+from flexplant.model.arrays import FloatArray, is_number, is_sparse, real_values
 from flexplant.model.component import Component
 
 DampingRatio: TypeAlias = float | Sequence[float] | FloatArray | Sequence[tuple[float, float]]
@@ -22,10 +22,7 @@ def damping_ratios(ratio: DampingRatio, frequency_hz: FloatArray, what: str = "d
     ratio: one value; one value a mode (n,); or a table [(frequency_hz, ratio), ...], linear between its points and
     constant outside. A list of two-element rows is a table. Raises ModelError for negative, NaN or miscounted values.
     """
-    try:
-        given = np.asarray(ratio, dtype=float)
-    except (TypeError, ValueError):
-        raise ModelError(f"{what}: values must be numbers, got {ratio!r}") from None
+    given = real_values(ratio, what)
     n = frequency_hz.size
     if given.size and (not np.isfinite(given).all() or given.min() < 0):
         raise ModelError(f"{what}: values must be finite and not negative, got {ratio!r}")

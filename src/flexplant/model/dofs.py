@@ -10,14 +10,15 @@ from functools import cached_property
 import numpy as np
 
 from flexplant.errors import ModelError, nearest
-from flexplant.model.arrays import IntArray, frozen
+from flexplant.model.arrays import IntArray, frozen, items_of
 
 DIRECTIONS = "123456"
 
 
 def expand_directions(directions: str | int | Iterable[int]) -> tuple[int, ...]:
     """Directions 1-6 (0 = scalar) from "123", 123, 3 or [1, 2, 3]; raises ModelError for anything else."""
-    text = str(directions) if isinstance(directions, (str, int, np.integer)) else "".join(str(d) for d in directions)
+    single = isinstance(directions, (str, int, np.integer))
+    text = str(directions) if single else "".join(str(d) for d in items_of(directions) or ())
     if not text or any(c not in "0" + DIRECTIONS for c in text) or len(set(text)) != len(text):
         raise ModelError(f"directions {directions!r}: use distinct digits 1-6 (1-3 translations, 4-6 rotations), 0 for scalar")
     return tuple(int(c) for c in text)
@@ -53,6 +54,8 @@ class DofSet:
         if isinstance(pairs, DofSet):
             return pairs
         try:
+            if (pairs := items_of(pairs)) is None:  # type: ignore[assignment]
+                raise TypeError("this is a text, has no order or lists nothing")
             rows = [(operator.index(node), d) for node, direction in pairs for d in expand_directions(direction)]
             return cls(np.array([r[0] for r in rows], dtype=np.int64), np.array([r[1] for r in rows], dtype=np.int64))
         except (TypeError, ValueError, OverflowError) as error:

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass
 
-from flexplant.errors import ModelError, nearest
-from flexplant.model.arrays import Matrix, checked_matrix
+import numpy as np
+
+from flexplant.errors import ModelError, expect_text, nearest
+from flexplant.model.arrays import Matrix, checked_matrix, items_of
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,11 +28,14 @@ class Recovery:
     units: str = ""
 
     def __post_init__(self) -> None:
-        if not isinstance(self.labels, Iterable):
+        expect_text(self.name, "recovery: name")
+        expect_text(self.units, f"recovery {self.name!r}: units", empty=True)
+        given = items_of(self.labels)
+        if given is None or not all(isinstance(label, (str, int, np.integer)) for label in given):
             raise ModelError(f"recovery {self.name!r}: labels must be a list of names, got {type(self.labels).__name__}")
-        labels = tuple(str(label) for label in self.labels)
+        labels = tuple(str(label) for label in given)
         if len(set(labels)) != len(labels):
-            twice = sorted({label for label in labels if labels.count(label) > 1})
+            twice = sorted(label for label, times in Counter(labels).items() if times > 1)
             raise ModelError(f"recovery {self.name!r}: labels listed twice: {', '.join(twice[:8])}")
         object.__setattr__(self, "labels", labels)
         columns: int | None = None

@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 import scipy.sparse as sp
 
-from flexplant.errors import InputError, expect, nearest
-from flexplant.model.arrays import FloatArray, Matrix, is_number
+from flexplant.errors import InputError, expect, expect_text, nearest
+from flexplant.model.arrays import FloatArray, Matrix, is_finite, is_number
 from flexplant.model.component import Component, FiniteElementModel
 from flexplant.model.dofs import DofSet
 from flexplant.model.geometry import Nodes
@@ -27,6 +27,13 @@ class UnitSystem:
     length: float
     mass: float
     mass_factor: float = 1.0
+
+    def __post_init__(self) -> None:
+        expect_text(self.name, "unit system: name")
+        for kind in ("length", "mass", "mass_factor"):
+            value = getattr(self, kind)
+            if not (is_finite(value) and value > 0):
+                raise InputError(f"unit system {self.name!r}: {kind} must be a positive number, got {value!r:.60}")
 
     @property
     def force(self) -> float:
