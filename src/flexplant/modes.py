@@ -12,8 +12,8 @@ import scipy.linalg as la
 import scipy.sparse as sp
 
 from flexplant.assembly import System, component_rigid_body, coupled_stiffness_scale, stiffness_scale
-from flexplant.errors import InputError, expect
-from flexplant.model.arrays import FloatArray, dense, frozen, is_number, is_sparse
+from flexplant.errors import InputError, expect, expect_count
+from flexplant.model.arrays import FloatArray, dense, frozen, is_number, is_sparse, items_of, real_values
 from flexplant.model.component import Component, FiniteElementModel
 from flexplant.model.geometry import rigid_body_vectors
 from flexplant.numerics.eigen import Eigenpairs, dense_eigenpairs, sparse_eigenpairs
@@ -43,7 +43,14 @@ class Modes:
 
     def __post_init__(self) -> None:
         for name in ("frequency_hz", "shapes", "residuals"):
-            object.__setattr__(self, name, frozen(getattr(self, name)))
+            object.__setattr__(self, name, frozen(getattr(self, name), what=f"modes: {name}"))
+        hz, shapes = self.frequency_hz, self.shapes
+        if hz.ndim != 1 or shapes.ndim != 2 or shapes.shape[1] != hz.size or self.residuals.shape != hz.shape:
+            sizes = f"frequency_hz {hz.shape}, shapes {shapes.shape}, residuals {self.residuals.shape}"
+            raise InputError(f"modes: {sizes} disagree; (k,), (n, k) and (k,) are needed")
+        expect_count(self.n_rigid, "modes: n_rigid", most=hz.size)
+        if items_of(self.labels) is None or not all(isinstance(label, str) for label in self.labels):
+            raise InputError(f"modes: labels must be a list of names, got {self.labels!r:.60}")
 
     @property
     def omega(self) -> FloatArray:
@@ -52,6 +59,13 @@ class Modes:
 
     def __len__(self) -> int:
         return int(self.frequency_hz.size)
+
+
+def expect_modes_of(modes: object, system: System, what: str) -> None:
+    """InputError unless these are modes with shapes over the system's coordinates."""
+    if not isinstance(modes, Modes) or modes.shapes.shape[0] != system.n:
+        got = f"shapes {modes.shapes.shape}" if isinstance(modes, Modes) else type(modes).__name__
+        raise InputError(f"{what}: modes must be those of this system, with shapes over its {system.n} coordinates, got {got}")
 
 
 @dataclass(frozen=True, eq=False)
@@ -237,7 +251,7 @@ def mac(a: npt.ArrayLike, b: npt.ArrayLike) -> FloatArray:
 
     Raises InputError where the row counts differ. Source: Allemang and Brown 1982.
     """
-    a, b = np.atleast_2d(np.asarray(a)), np.atleast_2d(np.asarray(b))
+    a, b = _shapes_of(a, "a"), _shapes_of(b, "b")
     if a.shape[0] != b.shape[0]:
         raise InputError(f"MAC: shapes have {a.shape[0]} and {b.shape[0]} rows; compare the same DOF in the same order")
     cross = abs(a.conj().T @ b) ** 2
@@ -245,12 +259,29 @@ def mac(a: npt.ArrayLike, b: npt.ArrayLike) -> FloatArray:
     return np.asarray(np.divide(cross, own, out=np.zeros(cross.shape), where=own > 0))
 
 
+def _shapes_of(values: npt.ArrayLike, name: str) -> npt.NDArray[Any]:
+    shapes: npt.NDArray[Any] = np.atleast_2d(frozen(values, np.complex128, what=f"MAC: shapes {name}"))
+    if shapes.ndim != 2 or not np.isfinite(shapes).all():
+        raise InputError(f"MAC: shapes {name} of shape {shapes.shape}; finite numbers (n, modes) are needed")
+    return shapes
+
+
 def effective_mass(modes: Modes, model: Modal, motion: npt.ArrayLike) -> FloatArray:
     """(k, r) modal effective mass (phi^T M R)^2 for rigid-body vectors R (n, r) in the model's coordinates."""
     expect(modes, Modes, "effective_mass", "normal_modes(system) gives them")
-    mass = model.uncoupled_mass if isinstance(model, System) else model.mass
-    motion = np.asarray(motion, dtype=float)
+    mass = _mass_of(model)
+    if mass.shape[0] != modes.shapes.shape[0]:
+        raise InputError(f"effective mass: the shapes have {modes.shapes.shape[0]} rows, the model {mass.shape[0]} coordinates")
+    motion = real_values(motion, "effective mass: R")
     if motion.shape[:1] != (modes.shapes.shape[0],):
         raise InputError(f"effective mass: R has {motion.shape[:1]} rows, the shapes have {modes.shapes.shape[0]}")
     product = mass @ motion
     return np.asarray((modes.shapes.T @ (dense(product) if is_sparse(product) else product)) ** 2)
+
+
+def _mass_of(model: object) -> Any:
+    if isinstance(model, System):
+        return model.uncoupled_mass
+    if isinstance(model, Component | FiniteElementModel):
+        return model.mass
+    raise InputError(f"effective mass needs a System, Component or FiniteElementModel, got {type(model).__name__}")

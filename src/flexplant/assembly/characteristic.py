@@ -79,8 +79,8 @@ def _check_request(n_modes: int | None, max_frequency_hz: float | None) -> None:
 def _joint(system: System, name: str) -> Resolved:
     """The connection, if it can be described so."""
     found = {str(r.connection.name): r for r in system.connections}
-    if name not in found:
-        raise InputError(f"characteristic_interface: there is no connection {name!r}." + nearest(str(name), found))
+    if not isinstance(name, str) or name not in found:
+        raise InputError(f"characteristic_interface: there is no connection {name!r:.60}." + nearest(name, found))
     joint = found[name]
     if joint.connection.b == GROUND or not joint.connection.rigid or joint.connection.a == joint.connection.b:
         raise InputError(f"characteristic_interface: connection {name!r} must tie two components rigidly")

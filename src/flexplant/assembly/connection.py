@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, TypeGuard
 
 import numpy as np
 import numpy.typing as npt
 
-from flexplant.errors import CouplingError
-from flexplant.model.arrays import FloatArray, frozen, is_number
+from flexplant.errors import CouplingError, ModelError, nearest
+from flexplant.model.arrays import FloatArray, frozen, is_number, items_of, real_values
 from flexplant.model.component import check_name
 from flexplant.model.dofs import expand_directions
 from flexplant.model.geometry import check_rotation
@@ -21,7 +21,7 @@ OFFSETS = ("rigid", "ignore", "forbid")
 
 def is_whole(number: object) -> TypeGuard[int]:
     """True for an int, Python's or numpy's."""
-    return isinstance(number, (int, np.integer))
+    return isinstance(number, (int, np.integer)) and not isinstance(number, bool)
 
 
 def is_dof_pair(pair: object) -> bool:
@@ -60,9 +60,10 @@ class Connection:
         if self.b is None:
             object.__setattr__(self, "b", GROUND)
         for side in (self.a, self.b):
-            if not isinstance(side, str):
-                raise CouplingError(f"connection: a and b are names of components, got {type(side).__name__}")
-        object.__setattr__(self, "name", check_name(self.name or f"{self.a}-{self.b}", "connection"))
+            if not isinstance(side, str) or not side:
+                raise CouplingError(f"connection: a and b are names of components, got {type(side).__name__} {side!r:.60}")
+        name = f"{self.a}-{self.b}" if self.name is None else self.name
+        object.__setattr__(self, "name", check_name(name, "connection"))
         self._check_directions()
         if self.a == GROUND:
             raise CouplingError(f"connection {self.name!r}: name the component first and 'ground' second")
@@ -70,12 +71,13 @@ class Connection:
             raise CouplingError(f"connection {self.name!r}: pairs must be node pairs or 'by position', got {self.pairs!r}")
         if isinstance(self.pairs, str) and self.b == GROUND:
             raise CouplingError(f"connection {self.name!r}: list the nodes to ground, for example pairs=[101, 102]")
-        if not isinstance(self.pairs, (str, Sequence, np.ndarray)):
+        if not isinstance(self.pairs, (str, Sequence)) and not (isinstance(self.pairs, np.ndarray) and self.pairs.ndim):
             raise CouplingError(f"connection {self.name!r}: pairs must be a list, got {type(self.pairs).__name__}")
         if not isinstance(self.pairs, str) and not len(self.pairs):
             raise CouplingError(f"connection {self.name!r}: no pairs; give node pairs or 'by position'")
-        if self.offset not in OFFSETS:
-            raise CouplingError(f"connection {self.name!r}: offset {self.offset!r} is not one of {OFFSETS}")
+        if not isinstance(self.offset, str) or self.offset not in OFFSETS:
+            text = f"connection {self.name!r}: offset {self.offset!r:.60} is not one of {OFFSETS}."
+            raise CouplingError(text + nearest(self.offset, OFFSETS))
         if self.tolerance is not None and not (is_number(self.tolerance) and 0 <= self.tolerance < np.inf):
             raise CouplingError(f"connection {self.name!r}: tolerance {self.tolerance} must be a length >= 0")
         self._check_nodes()
@@ -99,8 +101,7 @@ class Connection:
     def _check_nodes(self) -> None:
         if self.nodes is None:
             return
-        listed = isinstance(self.nodes, Iterable) and not isinstance(self.nodes, str)
-        nodes = tuple(self.nodes) if listed else ()
+        nodes = tuple(items_of(self.nodes) or ())
         if not nodes or not all(map(is_whole, nodes)):
             raise CouplingError(
                 f"connection {self.name!r}: nodes must be a list of node ids of {self.a!r} such as [101, 102], got {self.nodes!r}"
@@ -117,9 +118,9 @@ class Connection:
 
     def _square(self, kind: str, n: int) -> FloatArray:
         try:
-            given = np.asarray(getattr(self, kind), dtype=float)
-        except (TypeError, ValueError) as error:
-            raise CouplingError(f"connection {self.name!r}: {kind} is not numeric ({error})") from None
+            given = real_values(getattr(self, kind), f"connection {self.name!r}: {kind} is not numeric")
+        except ModelError as error:
+            raise CouplingError(str(error)) from None
         spread = given.ndim < 2 and given.size in (1, n)
         out = np.diag(np.broadcast_to(given, (n,))) if spread else given
         if out.shape != (n, n) or not np.isfinite(out).all() or abs(out - out.T).max() > 1e-9 * abs(out).max():

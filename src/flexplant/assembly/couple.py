@@ -14,6 +14,7 @@ from flexplant.assembly.connection import GROUND, Connection
 from flexplant.assembly.constraints import Resolved, Row, duplicates, resolve
 from flexplant.assembly.system import METHODS, System, component_rigid_body
 from flexplant.errors import CouplingError, nearest
+from flexplant.model.arrays import items_of
 from flexplant.model.component import Component, check_name
 from flexplant.model.geometry import Placement
 from flexplant.numerics.elimination import Elimination, eliminate
@@ -38,8 +39,8 @@ def couple(
     Raises CouplingError for unknown names, missing or doubly coupled DOF, ambiguous positions, contradictory
     constraints (rows that strain a rigid-body motion, or that together lock a DOF nobody grounded) and clashing units.
     """
-    if method not in METHODS:
-        raise CouplingError(f"method {method!r}: use 'dual' or 'primal'")
+    if not isinstance(method, str) or method not in METHODS:
+        raise CouplingError(f"method {method!r:.60}: use 'dual' or 'primal'." + nearest(method, METHODS))
     parts = _named(components)
     by_name = {c.name: c for c in parts}
     if placements is not None and not isinstance(placements, Mapping):
@@ -93,9 +94,10 @@ def _named(components: Sequence[Component] | Mapping[str, Component]) -> tuple[C
         components = [components]
     if isinstance(components, Mapping):
         components = [_copy(c, name) for name, c in components.items()]
-    if not isinstance(components, Iterable):
+    listed = items_of(components)
+    if listed is None:
         raise CouplingError(f"couple takes a list of Components, got {type(components).__name__}")
-    components = tuple(components)
+    components = tuple(listed)
     for item in components:
         if not isinstance(item, Component):
             raise CouplingError(f"couple takes Components, got {type(item).__name__}; reduce a model first, with craig_bampton")
@@ -127,9 +129,9 @@ def _distinct(connections: Iterable[Connection]) -> list[Connection]:
     """Connections with distinct names; an unnamed second one between the same components gets a number."""
     taken: dict[str, int] = {}
     out = []
-    given = [connections] if isinstance(connections, Connection) else connections
-    if not isinstance(given, Iterable) or isinstance(given, Mapping):
-        raise CouplingError(f"connections must be a list of Connection, got {type(given).__name__}")
+    given = [connections] if isinstance(connections, Connection) else items_of(connections)
+    if given is None or isinstance(connections, Mapping):
+        raise CouplingError(f"connections must be a list of Connection, got {type(connections).__name__}")
     for connection in given:
         if not isinstance(connection, Connection):
             raise CouplingError(f"connections must be a list of Connection, got {type(connection).__name__} {connection!r}")

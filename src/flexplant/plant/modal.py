@@ -10,9 +10,9 @@ import numpy as np
 
 from flexplant.assembly import System
 from flexplant.errors import InputError, ModelError, expect, nearest
-from flexplant.model.arrays import FloatArray, real_values
+from flexplant.model.arrays import FloatArray, checked_switch, real_values
 from flexplant.model.damping import DampingRatio
-from flexplant.modes import Modes, normal_modes
+from flexplant.modes import Modes, expect_modes_of, normal_modes
 from flexplant.plant.channels import (
     OutputRows,
     checked_system,
@@ -151,10 +151,10 @@ def modal_plant(
             system, "modal_plant",
             "use structural_frequency_response, give damping_ratio, or couple with_equivalent_viscous_damping(component, hz)",
         )  # fmt: skip
-    if modes is not None and (not isinstance(modes, Modes) or modes.shapes.shape[0] != system.n):
-        raise InputError(f"modal_plant: modes must be those of this system, with shapes over its {system.n} coordinates")
+    checked_switch(static_correction, "modal_plant: static_correction")
     if modes is None:
         modes = normal_modes(system, max_frequency_hz=max_frequency_hz, n_modes=n_modes)
+    expect_modes_of(modes, system, "modal_plant")
     columns, rows = input_matrix(system, inputs), output_matrices(system, outputs)
     shapes, omega = modes.shapes, modes.omega
     if damping_ratio is None:

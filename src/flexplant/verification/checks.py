@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from flexplant.errors import CheckFailedError
+from flexplant.errors import CheckFailedError, InputError, expect, nearest
+from flexplant.model.arrays import checked_switch, is_number, items_of
 
 
 @dataclass(frozen=True)
@@ -18,6 +19,14 @@ class Check:
     passed: bool
     unit: str = ""
     explanation: str = ""
+
+    def __post_init__(self) -> None:
+        for kind in ("name", "unit", "explanation"):
+            expect(getattr(self, kind), str, f"check: {kind}", "write a text")
+        for kind in ("value", "limit"):
+            if not is_number(getattr(self, kind)):
+                raise InputError(f"check {self.name!r}: {kind} must be a number, got {getattr(self, kind)!r:.60}")
+        checked_switch(self.passed, f"check {self.name!r}: passed")
 
 
 @dataclass(frozen=True)
@@ -40,6 +49,13 @@ class CheckReport:
     tables: tuple[Table, ...] = ()
     notes: tuple[str, ...] = ()
 
+    def __post_init__(self) -> None:
+        for field, kind in (("checks", Check), ("tables", Table), ("notes", str)):
+            listed = items_of(getattr(self, field))
+            if listed is None or not all(isinstance(item, kind) for item in listed):
+                raise InputError(f"check report: {field} must be a list of {kind.__name__}, got {getattr(self, field)!r:.60}")
+            object.__setattr__(self, field, tuple(listed))
+
     @property
     def passed(self) -> bool:
         """True where every check passed."""
@@ -51,7 +67,10 @@ class CheckReport:
         return tuple(c for c in self.checks if not c.passed)
 
     def __getitem__(self, name: str) -> Check:
-        return next(c for c in self.checks if c.name == name)
+        for check in self.checks:
+            if check.name == name:
+                return check
+        raise InputError(f"there is no check {name!r:.60}." + nearest(name, [c.name for c in self.checks]))
 
     def raise_if_failed(self) -> None:
         """Raise CheckFailedError that lists every failed check with its explanation."""

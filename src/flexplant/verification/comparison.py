@@ -11,8 +11,8 @@ import scipy.linalg as la
 import scipy.sparse as sp
 
 from flexplant.assembly import System
-from flexplant.errors import InputError, nearest
-from flexplant.model.arrays import FloatArray, dense, frozen, real_values
+from flexplant.errors import InputError, expect_text, nearest
+from flexplant.model.arrays import FloatArray, checked_matrix, dense, frozen, is_number, items_of, real_values
 from flexplant.modes import Modes
 from flexplant.verification.checks import Table
 
@@ -35,12 +35,20 @@ class Reference:
     source: str = "reference"
 
     def __post_init__(self) -> None:
-        hz = frozen(self.frequency_hz)
+        hz = frozen(self.frequency_hz, what="reference: frequency_hz")
         if hz.ndim != 1 or not hz.size or not np.isfinite(hz).all():
             raise InputError(f"reference: frequency_hz must be a finite (k,) array, got shape {hz.shape}")
         object.__setattr__(self, "frequency_hz", hz)
-        if self.shapes is not None and np.shape(self.shapes) != (len(self.labels), hz.size):
-            raise InputError(f"reference: shapes {np.shape(self.shapes)} need {len(self.labels)} labels x {hz.size} modes")
+        for kind in ("labels", "names"):
+            listed = items_of(getattr(self, kind))
+            if listed is None or not all(isinstance(text, str) for text in listed):
+                raise InputError(f"reference: {kind} must be a list of texts, got {getattr(self, kind)!r:.60}")
+        if not is_number(self.rigid_below_hz) or not 0 <= self.rigid_below_hz < np.inf:
+            raise InputError(f"reference: rigid_below_hz must be a frequency in Hz from 0, got {self.rigid_below_hz!r:.60}")
+        expect_text(self.source, "reference: source")
+        if self.shapes is not None:
+            sizes = f"reference: shapes of {len(self.labels)} labels x {hz.size} modes"
+            checked_matrix(self.shapes, (len(self.labels), hz.size), sizes)
 
 
 def as_reference(reference: Any) -> Reference:

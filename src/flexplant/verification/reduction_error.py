@@ -9,9 +9,9 @@ import numpy.typing as npt
 import scipy.linalg as la
 
 from flexplant.assembly import System
-from flexplant.errors import InputError
+from flexplant.errors import InputError, expect
 from flexplant.model.arrays import FloatArray, frozen
-from flexplant.modes import Modes, normal_modes
+from flexplant.modes import Modes, expect_modes_of, normal_modes
 from flexplant.reduction.reduced import ReducedComponent, amplification, residual_products
 
 MIXING = 0.05  # of the own error: more from other modes, by second order, and they are solved together
@@ -65,7 +65,10 @@ def estimate_error(
     component has error rows.
     Source: dynamic condensation of what a basis lacks (Leung 1978), and the monotonicity of eigenvalues.
     """
-    modes = modes or normal_modes(system, max_frequency_hz=max_frequency_hz, n_modes=n_modes)
+    expect(system, System, "estimate_error", "couple([component]) makes one")
+    if modes is None:
+        modes = normal_modes(system, max_frequency_hz=max_frequency_hz, n_modes=n_modes)
+    expect_modes_of(modes, system, "estimate_error")
     reduced = [c for c in system.components if isinstance(c, ReducedComponent)]
     if not reduced:
         raise InputError("estimate_error: no component of the system was made by a reduction; reduce with craig_bampton or rubin")

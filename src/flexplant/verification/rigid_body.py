@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from flexplant.assembly import System, component_rigid_body, stiffness_scale
-from flexplant.errors import expect
+from flexplant.errors import InputError, expect
 from flexplant.model.arrays import FloatArray
 from flexplant.model.component import Component
 from flexplant.model.geometry import Placement
@@ -47,9 +47,11 @@ class StrainEnergy:
 def strain_energy(component: Component, placement: Placement | None = None) -> StrainEnergy:
     """Strain energy of the six geometric rigid-body motions of a component; InputError without positions."""
     expect(component, Component, "strain_energy", "read_component gives one, craig_bampton reduces a model to one")
-    place = placement or Placement()
-    assert component.nodes is None or len(component.nodes)
-    about = np.zeros(3) if component.nodes is None else place.apply(component.nodes.positions.mean(axis=0))
+    place = Placement() if placement is None else placement
+    expect(place, Placement, "strain_energy: placement", "Placement(rotation, translation) makes one")
+    if component.nodes is None or not len(component.nodes):
+        raise InputError(f"strain_energy: component {component.name!r} has no node positions, so its rigid motion is unknown")
+    about = place.apply(component.nodes.positions.mean(axis=0))
     motion = component_rigid_body(component, place, about)
     force = np.asarray(component.stiffness @ motion)
     per_dof = motion * force / 2

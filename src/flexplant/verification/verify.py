@@ -8,11 +8,10 @@ from typing import Any
 import numpy as np
 
 from flexplant.assembly import System, coupled_stiffness_scale, stiffness_scale, system_rigid_body
-from flexplant.assembly.connection import is_whole
-from flexplant.errors import InputError, expect
-from flexplant.model.arrays import FloatArray, dense
+from flexplant.errors import InputError, expect, expect_count
+from flexplant.model.arrays import FloatArray, dense, is_finite
 from flexplant.model.component import Component
-from flexplant.modes import Modes, normal_modes
+from flexplant.modes import Modes, expect_modes_of, normal_modes
 from flexplant.numerics.rank import lowest_eigenvalue, split_semidefinite
 from flexplant.verification.checks import Check, CheckReport, Table
 from flexplant.verification.comparison import compare_modes
@@ -41,9 +40,13 @@ def verify(
     """
     if not isinstance(system, System):
         raise InputError(f"verify takes a coupled System, got {type(system).__name__}; couple it first, or use check_component")
-    if not is_whole(rigid_body_modes) or rigid_body_modes < 0:
-        raise InputError(f"rigid_body_modes must be 0 or more, a whole number, got {rigid_body_modes!r}")
-    modes = modes or normal_modes(system, n_modes=None if system.n <= DENSE_CHECK else rigid_body_modes + 20)
+    expect_count(rigid_body_modes, "rigid_body_modes")
+    for name, limit in (("frequency_tolerance", frequency_tolerance), ("mac_minimum", mac_minimum)):
+        if not is_finite(limit) or limit < 0:
+            raise InputError(f"verify: {name} must be a finite number from 0, got {limit!r:.60}")
+    if modes is None:
+        modes = normal_modes(system, n_modes=None if system.n <= DENSE_CHECK else rigid_body_modes + 20)
+    expect_modes_of(modes, system, "verify")
     checks: list[Check] = [_count(system, modes, rigid_body_modes), *_matrices(system)]
     tables: list[Table] = []
     notes = [f"redundant constraints left out: {', '.join(system.redundant[:12])}"] if system.redundant else []
