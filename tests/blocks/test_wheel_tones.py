@@ -74,7 +74,7 @@ def test_mean_sampling_is_the_mean_of_each_interval():
         (lambda: Wheel(amplitude=1.0, harmonics=[-1.0]), "harmonics"),
         (lambda: Wheel(amplitude=1.0, harmonics=[1.0], rotation=-np.eye(3)), "proper"),
         (lambda: Wheel(amplitude=1.0, harmonics=[1.0], inputs=["a"]), "1 input names"),
-        (lambda: Wheel(amplitude=1.0, harmonics=[1.0], inputs="abcdef"), "inputs must be a list of six names"),
+        (lambda: Wheel(amplitude=1.0, harmonics=[1.0], inputs="abcdef"), "inputs must be a list of names"),
         (lambda: Wheel(amplitude=1j, harmonics=[1.0]), "wheel: amplitude: real numbers"),
         (lambda: Wheel(amplitude=1.0, harmonics=["one"]), "wheel: harmonics: real numbers"),
         (lambda: wheel_tones(Wheel(**EXAMPLE), "20"), "wheel speed '20'"),
@@ -83,7 +83,7 @@ def test_mean_sampling_is_the_mean_of_each_interval():
         (lambda: wheel_tones(Wheel(**EXAMPLE), -3.0), "wheel speed -3.0"),
         (lambda: Tones(frequency_hz=[1.0, 1.0], amplitude=[[1, 1]], inputs=["u"]), "1.0 Hz is listed twice"),
         (lambda: Tones(frequency_hz=[1.0], amplitude=[[1, 1]], inputs=["u"]), r"shape \(1, 2\) for 1 inputs"),
-        (lambda: tone_signal(wheel_tones(Wheel(**EXAMPLE), 3.0), [0, 1], sampling="best"), "'point' or 'mean'"),
+        (lambda: tone_signal(wheel_tones(Wheel(**EXAMPLE), 3.0), [0, 1], sampling="best"), "'best' is not a choice"),
     ],
 )
 def test_errors(call, message):

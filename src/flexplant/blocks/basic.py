@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 from flexplant.errors import InputError, expect
 from flexplant.model.arrays import real_values
+from flexplant.plant.fields import checked_names
 from flexplant.plant.state_space import StateSpace
 
 
@@ -23,7 +24,7 @@ def static(
     output_units: Sequence[str] = (),
 ) -> StateSpace:
     """y = D u without states; D: (ny, nu) in the order of `outputs` and `inputs`. ModelError for shapes that disagree."""
-    matrix = np.asarray(D, dtype=float)
+    matrix = real_values(D, f"{name!r:.60}: gains")
     none = np.zeros((0, 0))
     return StateSpace(
         none,
@@ -51,15 +52,15 @@ def gain(
 
     Ports default to "u", "y", or "u1", "u2", ... and "y1", "y2", ... InputError for more than two dimensions.
     """
-    given = real_values(factor, f"gain {name!r}")
+    given = real_values(factor, f"gain {name!r:.60}")
     if given.ndim > 2:
         raise InputError(f"gain {name!r}: factor has shape {given.shape}; use a number, a vector or a (ny, nu) matrix")
     matrix = given if given.ndim == 2 else np.diag(np.atleast_1d(given))
     ny, nu = matrix.shape
     return static(
         matrix,
-        inputs=_numbered("u", nu) if inputs is None else inputs,
-        outputs=_numbered("y", ny) if outputs is None else outputs,
+        inputs=_numbered("u", nu) if inputs is None else checked_names(inputs, "inputs", f"gain {name!r:.60}"),
+        outputs=_numbered("y", ny) if outputs is None else checked_names(outputs, "outputs", f"gain {name!r:.60}"),
         name=name,
         input_units=input_units,
         output_units=output_units,

@@ -12,6 +12,7 @@ from flexplant.errors import InputError
 from flexplant.model.arrays import is_number
 from flexplant.plant.state_space import StateSpace
 
+MAX_SAMPLES = 10_000  # states of a shift register, a dense matrix of 800 MB
 MAX_PADE_ORDER = 12  # beyond it the companion form of the all-pass loses digits
 
 
@@ -24,9 +25,10 @@ def pade_delay(
     Source: Golub and Van Loan, Matrix Computations, section 9.3 (coefficients of the approximant of exp).
     """
     if not (is_number(seconds) and 0 <= seconds < math.inf):
-        raise InputError(f"delay {name!r}: {seconds!r} s; use a finite time that is not negative")
+        raise InputError(f"delay {name!r}: {seconds!r:.60} s; use a finite time that is not negative")
     if not is_number(order) or order % 1 or not 1 <= order <= MAX_PADE_ORDER:
-        raise InputError(f"delay {name!r}: Pade order {order}; use 1 to {MAX_PADE_ORDER}, or sample_delay for an exact delay")
+        text = f"use 1 to {MAX_PADE_ORDER}, or sample_delay for an exact delay"
+        raise InputError(f"delay {name!r:.60}: Pade order {order!r:.60}; {text}")
     if seconds == 0:
         return static([[1.0]], inputs=[input_name], outputs=[output_name], name=name, input_units=[unit], output_units=[unit])
     # c_k (sT)^k with c_k = (2n - k)! n! / ((2n)! k! (n - k)!), highest power first
@@ -43,8 +45,10 @@ def sample_delay(
     samples: int, dt: float, *, input_name: str = "u", output_name: str = "y", unit: str = "", name: str = "delay"
 ) -> StateSpace:
     """y[k] = u[k - samples], exact, as a shift register of `samples` states. InputError for a negative number of samples."""
-    if not is_number(samples) or samples % 1 or samples < 0:
-        raise InputError(f"delay {name!r}: {samples!r} samples; use a whole number that is not negative")
+    if not is_number(samples) or samples % 1 or not 0 <= samples <= MAX_SAMPLES:
+        raise InputError(f"delay {name!r:.60}: {samples!r:.60} samples; use a whole number from 0 to {MAX_SAMPLES}")
+    if dt is None:
+        raise InputError(f"delay {name!r:.60}: dt is None; give the sample time in seconds")
     n = int(samples)
     shift, C = np.eye(n, k=-1), np.eye(n)[-1:] if n else np.zeros((1, 0))
     D = np.zeros((1, 1)) if n else np.ones((1, 1))

@@ -9,22 +9,29 @@ import numpy.typing as npt
 
 from flexplant.blocks.basic import static
 from flexplant.errors import InputError
-from flexplant.model.arrays import FloatArray, frozen, is_number, real_values
+from flexplant.model.arrays import FloatArray, frozen, is_finite, real_values
+from flexplant.plant.fields import checked_names
 from flexplant.plant.state_space import StateSpace
 
 AXES = ("x", "y")
 
 
+def checked_axes(axes: Sequence[str]) -> tuple[str, ...]:
+    """The names of the axes; InputError for none, one text, and names that are listed twice."""
+    names = checked_names(axes, "axes", "optics")
+    if not names:
+        raise InputError("optics: axes are none; name them, such as ('x', 'y')")
+    return names
+
+
 def ports(quantity: str, axes: Sequence[str]) -> list[str]:
     """Port names such as "angle_x", "angle_y"."""
-    if not isinstance(axes, (list, tuple, str)):
-        raise InputError(f"axes must be names such as ('x', 'y'), got {axes!r:.60}")
-    return [f"{quantity}_{axis}" for axis in axes]
+    return [f"{quantity}_{axis}" for axis in checked_axes(axes)]
 
 
 def per_axis(values: npt.ArrayLike, axes: Sequence[str], what: str) -> FloatArray:
     """One finite value per axis, from one value for all or one for each; InputError names both counts."""
-    given = real_values(values, what)
+    axes, given = checked_axes(axes), real_values(values, what)
     if given.shape not in ((), (len(axes),)) or not np.isfinite(given).all():
         raise InputError(f"{what} {values!r}: use one finite value, or one for each of the axes {', '.join(axes)}")
     return np.asarray(frozen(np.broadcast_to(given, (len(axes),))))
@@ -32,8 +39,8 @@ def per_axis(values: npt.ArrayLike, axes: Sequence[str], what: str) -> FloatArra
 
 def focal_length_of(value: float, owner: str) -> float:
     """A focal length in metres that can be divided by; InputError otherwise."""
-    if not is_number(value) or not np.isfinite(value) or value == 0:
-        raise InputError(f"{owner}: focal length {value!r} m; use a finite length that is not zero")
+    if not is_finite(value) or not np.finfo(float).tiny <= abs(value) <= 1 / np.finfo(float).tiny:
+        raise InputError(f"{owner}: focal length {value!r:.60} m; use a finite length that is not zero")
     return float(value)
 
 
@@ -53,7 +60,7 @@ def line_of_sight_geometry(focal_length: float, *, axes: Sequence[str] = AXES, n
 
     Ports "tilt_x", ... and "angle_x", ... (rad) -> "spot_x", ... (m).
     """
-    f, n = focal_length_of(focal_length, f"geometry {name!r}"), len(axes)
+    f, n = focal_length_of(focal_length, f"geometry {name!r:.60}"), len(checked_axes(axes))
     return static(
         f * np.hstack([np.eye(n), 2 * np.eye(n)]),
         inputs=ports("tilt", axes) + ports("angle", axes),

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from flexplant.errors import InputError
-from flexplant.model.arrays import is_number
+from flexplant.model.arrays import is_finite
 from flexplant.plant.state_space import StateSpace
 
 
@@ -26,8 +26,9 @@ def pid(
     One state for the integral, one for the filter, only where used. InputError if kd is given without a filter time.
     """
     for value in (kp, ki, kd, *([] if filter_time is None else [filter_time])):
-        if not is_number(value) or not np.isfinite(value):
-            raise InputError(f"pid {name!r}: kp, ki, kd and filter_time must be finite numbers, got {value!r}")
+        if not is_finite(value):
+            raise InputError(f"pid {name!r:.60}: kp, ki, kd and filter_time must be finite numbers, got {value!r:.60}")
+    kp, ki, kd = float(kp), float(ki), float(kd)
     if kd and not (filter_time is not None and filter_time > 0):
         raise InputError(f"pid {name!r}: kd = {kd} needs filter_time > 0 s (a pure derivative is improper), got {filter_time!r}")
     # kd s/(tf s + 1) = kd/tf (1 - 1/(tf s + 1)): a feedthrough and one lag, whose state is the filtered input

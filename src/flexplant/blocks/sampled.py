@@ -13,12 +13,13 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from flexplant.errors import InputError
-from flexplant.model.arrays import FloatArray
+from flexplant.errors import InputError, expect_count, expect_text
+from flexplant.model.arrays import FloatArray, is_finite, real_values
 from flexplant.plant.fields import checked_names, checked_units
 
 UserFunction = Callable[[float, FloatArray, FloatArray], tuple[FloatArray, FloatArray]]
 SATURATION, DEAD_ZONE, QUANTISER, RATE_LIMITER, USER = "saturation", "dead zone", "quantiser", "rate limiter", "function"
+MAX_CHANNELS = 1_000_000
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -46,14 +47,15 @@ class SampledBlock:
     output_units: Sequence[str] = ()
 
     def __post_init__(self) -> None:
-        owner = f"{self.kind} {self.name!r}"
+        expect_text(self.name, f"{self.kind}: name")
+        owner = f"{self.kind} {self.name!r:.60}"
         for side in ("inputs", "outputs"):
             names = checked_names(getattr(self, side), side, owner)
             object.__setattr__(self, side, names)
             units = f"{side[:-1]}_units"
             object.__setattr__(self, units, checked_units(getattr(self, units), len(names), units, owner))
-        if self.dt is not None and not (np.isfinite(self.dt) and self.dt > 0):
-            raise InputError(f"{owner}: dt = {self.dt!r}; use None for every step, or a positive number of seconds")
+        if self.dt is not None and not (is_finite(self.dt) and self.dt > 0):
+            raise InputError(f"{owner}: dt = {self.dt!r:.60}; use None for every step, or a positive number of seconds")
 
     @property
     def n_states(self) -> int:
@@ -79,8 +81,9 @@ def quantiser(
     step: npt.ArrayLike, *, channels: int = 1, dt: float | None = None, name: str = "quantiser", unit: str = ""
 ) -> SampledBlock:
     """y = step * floor(u / step + 1/2), at every step or every dt seconds. InputError for a step that is not positive."""
-    if not (np.asarray(step, dtype=float) > 0).all():
-        raise InputError(f"quantiser {name!r}: step {step!r} must be positive")
+    size = real_values(step, f"quantiser {name!r:.60}: step")
+    if not (np.isfinite(size) & (size > 0)).all():
+        raise InputError(f"quantiser {name!r:.60}: step {step!r:.60} must be positive and finite")
     return _law(QUANTISER, step, step, channels, name, unit, dt=dt)
 
 
@@ -88,9 +91,12 @@ def rate_limiter(
     fall: npt.ArrayLike, rise: npt.ArrayLike, *, channels: int = 1, name: str = "rate_limiter", unit: str = ""
 ) -> SampledBlock:
     """y follows u from 0, by at most `rise` up and `fall` (negative) down per second. InputError unless fall < 0 < rise."""
-    if not ((np.asarray(fall, dtype=float) < 0).all() and (np.asarray(rise, dtype=float) > 0).all()):
-        raise InputError(f"rate limiter {name!r}: fall {fall!r} and rise {rise!r}; give fall < 0 < rise, units per second")
-    return _law(RATE_LIMITER, fall, rise, channels, name, unit, initial=np.zeros(channels))
+    down, up = (real_values(value, f"rate limiter {name!r:.60}: fall and rise") for value in (fall, rise))
+    if not ((down < 0).all() and (up > 0).all()):
+        raise InputError(
+            f"rate limiter {name!r:.60}: fall {fall!r:.60} and rise {rise!r:.60}; give fall < 0 < rise, units per second"
+        )
+    return _law(RATE_LIMITER, fall, rise, channels, name, unit, remembers=True)
 
 
 def user_block(
@@ -112,8 +118,11 @@ def user_block(
     instant where it returns a wrong shape or values that are not finite.
     """
     if not callable(function):
-        raise InputError(f"user block {name!r}: {function!r} cannot be called; give function(t, u) -> y")
-    state = np.zeros(0) if initial is None else np.atleast_1d(np.array(initial, dtype=float))
+        raise InputError(f"user block {name!r:.60}: {function!r:.60} cannot be called; give function(t, u) -> y")
+    outputs = checked_names(outputs, "outputs", f"user block {name!r:.60}")
+    state = np.zeros(0) if initial is None else np.atleast_1d(np.array(real_values(initial, f"user block {name!r:.60}: initial")))
+    if state.ndim != 1 or not np.isfinite(state).all():
+        raise InputError(f"user block {name!r:.60}: initial of shape {state.shape}; a list of finite numbers is needed")
     stateless = initial is None
 
     def respond(t: float, u: FloatArray, x: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -159,17 +168,17 @@ def _law(
     name: str,
     unit: str,
     *,
-    initial: FloatArray | None = None,
+    remembers: bool = False,
     dt: float | None = None,
 ) -> SampledBlock:
-    try:
-        bounds = [np.broadcast_to(np.asarray(value, dtype=float), (channels,)).copy() for value in (low, high)]
-    except ValueError:
-        raise InputError(
-            f"{kind} {name!r}: limits {low!r}, {high!r} for {channels} channels; give one value or one a channel"
-        ) from None
+    owner = f"{kind} {name!r:.60}"
+    expect_count(channels, f"{owner}: channels", least=1, most=MAX_CHANNELS)
+    given = [real_values(value, f"{owner}: limits") for value in (low, high)]
+    if any(value.shape not in ((), (1,), (channels,)) for value in given):
+        raise InputError(f"{owner}: limits {low!r:.60}, {high!r:.60} for {channels} channels; give one value or one a channel")
+    bounds = [np.broadcast_to(value, (channels,)).copy() for value in given]
     if np.isnan(bounds).any() or (bounds[0] > bounds[1]).any():
-        raise InputError(f"{kind} {name!r}: limits {low!r} to {high!r}; the lower one must not exceed the upper one")
+        raise InputError(f"{owner}: limits {low!r:.60} to {high!r:.60}; the lower one must not exceed the upper one")
     ports = [""] if channels == 1 else [str(k) for k in range(1, channels + 1)]
     return SampledBlock(
         kind=kind,
@@ -177,7 +186,7 @@ def _law(
         outputs=[f"y{k}" for k in ports],
         low=bounds[0],
         high=bounds[1],
-        initial=np.zeros(0) if initial is None else initial,
+        initial=np.zeros(channels if remembers else 0),
         dt=dt,
         name=name,
         input_units=[unit] * channels,

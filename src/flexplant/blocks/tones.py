@@ -8,8 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from flexplant.errors import InputError, expect
+from flexplant.errors import InputError, expect, expect_choice
 from flexplant.model.arrays import FloatArray, frozen, real_values
+from flexplant.plant.fields import checked_names
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -25,12 +26,11 @@ class Tones:
     inputs: Sequence[str]
 
     def __post_init__(self) -> None:
-        hz = frozen(np.atleast_1d(self.frequency_hz))
-        amplitude = np.array(self.amplitude, dtype=np.complex128)
-        amplitude.setflags(write=False)
+        hz = np.atleast_1d(frozen(self.frequency_hz, what="tones: frequency_hz"))
+        amplitude = frozen(self.amplitude, np.complex128, what="tones: amplitude")
         object.__setattr__(self, "frequency_hz", hz)
         object.__setattr__(self, "amplitude", amplitude)
-        object.__setattr__(self, "inputs", tuple(self.inputs))
+        object.__setattr__(self, "inputs", checked_names(self.inputs, "inputs", "tones"))
         if hz.ndim != 1 or not np.isfinite(hz).all() or (hz < 0).any():
             raise InputError(f"tones: frequency_hz {hz}; use a list of finite frequencies that are not negative")
         if amplitude.shape != (len(self.inputs), hz.size) or not np.isfinite(amplitude).all():
@@ -53,14 +53,13 @@ def tone_signal(tones: Tones, time: npt.ArrayLike, *, sampling: str = "point") -
     t = np.atleast_1d(real_values(time, "time"))
     if t.ndim != 1 or not np.isfinite(t).all():
         raise InputError(f"tone_signal: time must be a list of finite instants in seconds, got shape {t.shape}")
+    expect_choice(sampling, ("point", "mean"), "tone_signal: sampling")
     amplitude = tones.amplitude
     if sampling == "mean":
         if t.size < 2:
             raise InputError("tone_signal: sampling='mean' needs at least two instants, to know the step")
         half = np.pi * tones.frequency_hz * (t[1] - t[0])
         amplitude = amplitude * (np.sinc(half / np.pi) * np.exp(1j * half))
-    elif sampling != "point":
-        raise InputError(f"tone_signal: sampling {sampling!r}; use 'point' or 'mean'")
     phase = 2 * np.pi * np.outer(tones.frequency_hz, t)
     return np.asarray(amplitude.real @ np.cos(phase) - amplitude.imag @ np.sin(phase))
 

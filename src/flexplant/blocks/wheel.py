@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -11,6 +11,7 @@ import numpy.typing as npt
 from flexplant.blocks.tones import Tones, tone_signal
 from flexplant.errors import InputError, expect
 from flexplant.model.arrays import FloatArray, frozen, is_number, real_values
+from flexplant.plant.fields import checked_names
 
 WHEEL_CHANNELS = ("fx", "fy", "fz", "mx", "my", "mz")
 
@@ -43,9 +44,7 @@ class Wheel:
         for kind in ("amplitude", "phase_rad"):
             object.__setattr__(self, kind, _component_table(getattr(self, kind), shape, kind))
         object.__setattr__(self, "rotation", _checked_rotation(self.rotation))
-        if isinstance(self.inputs, str) or not isinstance(self.inputs, Iterable):
-            raise InputError(f"wheel: inputs must be a list of six names, got {self.inputs!r}")
-        object.__setattr__(self, "inputs", tuple(self.inputs))
+        object.__setattr__(self, "inputs", checked_names(self.inputs, "inputs", "wheel"))
         if len(self.inputs) != 6:
             raise InputError(f"wheel: {len(self.inputs)} input names; three forces and three moments need 6")
 
@@ -80,7 +79,7 @@ def wheel_tones(wheel: Wheel, omega_hz: float) -> Tones:
     """
     expect(wheel, Wheel, "wheel_tones", "Wheel(amplitude=, harmonics=) makes one")
     if not (is_number(omega_hz) and 0 < omega_hz < np.inf):
-        raise InputError(f"wheel speed {omega_hz!r} Hz; use a finite positive speed")
+        raise InputError(f"wheel speed {omega_hz!r:.60} Hz; use a finite positive speed")
     harmonics, amplitudes = harmonic_amplitudes(wheel)
     return Tones(frequency_hz=harmonics * omega_hz, amplitude=amplitudes * omega_hz**2, inputs=wheel.inputs)
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy.typing as npt
@@ -10,11 +10,13 @@ import numpy.typing as npt
 from flexplant.blocks.basic import summing_junction
 from flexplant.blocks.controllers import proportional
 from flexplant.blocks.mirror import steering_mirror
-from flexplant.blocks.optics import AXES, angle_sensor, focal_length_of, line_of_sight_geometry, per_axis, thin_lens
+from flexplant.blocks.optics import AXES, angle_sensor, checked_axes, focal_length_of, line_of_sight_geometry, per_axis, thin_lens
 from flexplant.errors import InputError, expect, nearest
 from flexplant.loop.close import close
 from flexplant.loop.diagram import Diagram
 from flexplant.loop.ports import LinearBlock
+from flexplant.model.arrays import checked_switch
+from flexplant.plant.channels import listed_names
 from flexplant.plant.state_space import StateSpace
 
 
@@ -34,9 +36,7 @@ class LineOfSight:
     axes: Sequence[str] = AXES
 
     def __post_init__(self) -> None:
-        if not isinstance(self.axes, Iterable):
-            raise InputError(f"line of sight: axes must be a list of names such as ['x', 'y'], got {self.axes!r}")
-        object.__setattr__(self, "axes", tuple(self.axes))
+        object.__setattr__(self, "axes", checked_axes(self.axes))
         focal_length_of(self.focal_length, "line of sight")
         for kind in ("gain", "mirror_omega", "mirror_zeta"):
             object.__setattr__(self, kind, per_axis(getattr(self, kind), self.axes, f"line of sight: {kind}"))
@@ -63,6 +63,10 @@ def line_of_sight_diagram(
     Raises InputError if the plant's outputs do not match the axes, or for an unknown signal; DiagramError from the wiring.
     """
     expect(los, LineOfSight, "line_of_sight_diagram", "LineOfSight(focal_length=, gain=, mirror_omega=, mirror_zeta=) makes one")
+    if not (plant is None or isinstance(plant, LinearBlock)):
+        raise InputError(f"line_of_sight_diagram: plant is a ModalPlant or a StateSpace, got {type(plant).__name__}")
+    checked_switch(closed, "line_of_sight_diagram: closed")
+    checked_switch(commands, "line_of_sight_diagram: commands")
     f, axes = los.focal_length, los.axes
     blocks = {
         "lens": thin_lens(f, axes=axes),
@@ -150,14 +154,14 @@ def _wires(start: str, end: str, axes: Sequence[str]) -> list[tuple[str, str]]:
 
 
 def _readouts(signals: Sequence[str], axes: Sequence[str]) -> dict[str, str]:
-    for signal in signals:
+    for signal in listed_names(signals, "line of sight: signals"):
         if signal not in SIGNALS:
-            raise InputError(f"line of sight: no signal {signal!r}." + nearest(signal, SIGNALS))
+            raise InputError(f"line of sight: no signal {signal!r:.60}." + nearest(signal, SIGNALS))
     return {f"{signal}_{axis}": f"{SIGNALS[signal]}.{signal}_{axis}" for signal in signals for axis in axes}
 
 
 def _lens_outputs(plant: LinearBlock, names: Sequence[str] | None, axes: Sequence[str]) -> list[str]:
-    found = list(plant.outputs) if names is None else list(names)
+    found = list(plant.outputs) if names is None else listed_names(names, "line of sight: plant_outputs")
     if len(found) != len(axes):
         raise InputError(
             f"line of sight: {len(found)} plant outputs {found[:6]} for the axes {', '.join(axes)}; "

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -12,6 +12,7 @@ import scipy.sparse as sp
 
 from flexplant.assembly import System
 from flexplant.errors import InputError, nearest
+from flexplant.model.arrays import items_of
 from flexplant.plant.interface_force import ForceRow, force_labels, force_row
 
 DERIVATIVES = {":v": 1, ":a": 2}
@@ -98,12 +99,10 @@ def output_matrices(system: System, outputs: Sequence[str]) -> OutputRows:
 
 def listed_names(names: Sequence[str], what: str) -> list[str]:
     """The names as a list; InputError for one text or anything that is no name."""
-    if isinstance(names, str) or not isinstance(names, Iterable):
+    listed = items_of(names)
+    if listed is None or not all(isinstance(name, str) for name in listed):
         raise InputError(f"{what} must be a list of names such as ['bus.101.1'], got {names!r:.60}")
-    names = list(names)
-    if not all(isinstance(name, str) for name in names):
-        raise InputError(f"{what} must be a list of names such as ['bus.101.1'], got {names!r:.60}")
-    return names
+    return listed
 
 
 def checked_system(system: object, what: str) -> None:

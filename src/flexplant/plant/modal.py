@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from flexplant.assembly import System
-from flexplant.errors import InputError, ModelError, expect, nearest
+from flexplant.errors import InputError, ModelError, expect, expect_text, nearest
 from flexplant.model.arrays import FloatArray, checked_switch, real_values
 from flexplant.model.damping import DampingRatio
 from flexplant.modes import Modes, expect_modes_of, normal_modes
@@ -57,7 +57,10 @@ class ModalPlant:
     report: Mapping[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
+        expect_text(self.name, "modal plant: name")
         owner = f"modal plant {self.name!r}"
+        if not isinstance(self.report, Mapping):
+            raise ModelError(f"{owner}: report must be a mapping, got {type(self.report).__name__}")
         self._set("omega", checked_vector(self.omega, None, f"{owner}: omega"))
         zeta = real_values(self.zeta, f"{owner}: zeta")
         zeta = np.full(self.n_modes, float(zeta)) if zeta.ndim == 0 else zeta

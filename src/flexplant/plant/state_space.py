@@ -10,8 +10,8 @@ import numpy as np
 import scipy.linalg
 import scipy.sparse as sp
 
-from flexplant.errors import InputError, ModelError
-from flexplant.model.arrays import FloatArray, Matrix, checked_matrix, dense, is_number, is_sparse
+from flexplant.errors import InputError, ModelError, expect_text
+from flexplant.model.arrays import FloatArray, Matrix, checked_matrix, dense, is_number
 from flexplant.plant.fields import checked_dense, checked_names, checked_units
 from flexplant.plant.modal import ModalPlant
 
@@ -22,6 +22,11 @@ def _set_channels(system: StateSpace | Descriptor, owner: str) -> None:
         object.__setattr__(system, kind, names)
         units = f"{kind[:-1]}_units"
         object.__setattr__(system, units, checked_units(getattr(system, units), len(names), units, owner))
+
+
+def _expect_square(shape: tuple[int, ...], what: str) -> None:
+    if shape[0] != shape[1]:
+        raise ModelError(f"{what} has shape {shape}, but a square matrix is needed")
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,14 +49,18 @@ class StateSpace:
     output_units: Sequence[str] = ()
 
     def __post_init__(self) -> None:
+        expect_text(self.name, "state space: name")
         owner = f"state space {self.name!r}"
         _set_channels(self, owner)
-        n, nu, ny = np.shape(self.A)[0] if np.ndim(self.A) == 2 else None, len(self.inputs), len(self.outputs)
+        A = checked_dense(self.A, (None, None), f"{owner}: A")
+        n, nu, ny = len(A), len(self.inputs), len(self.outputs)
         sizes = f"{owner} ({n} states, {nu} inputs, {ny} outputs)"
-        for kind, shape in {"A": (n, n), "B": (n, nu), "C": (ny, n), "D": (ny, nu)}.items():
+        _expect_square(A.shape, f"{sizes}: A")
+        object.__setattr__(self, "A", A)
+        for kind, shape in {"B": (n, nu), "C": (ny, n), "D": (ny, nu)}.items():
             object.__setattr__(self, kind, checked_dense(getattr(self, kind), shape, f"{sizes}: {kind}"))
         if self.dt is not None and not (is_number(self.dt) and 0 < self.dt < np.inf):
-            raise ModelError(f"{owner}: dt = {self.dt!r}; use None for continuous time or a positive number of seconds")
+            raise ModelError(f"{owner}: dt = {self.dt!r:.60}; use None for continuous time or a positive number of seconds")
 
     @property
     def n_states(self) -> int:
@@ -79,14 +88,15 @@ class Descriptor:
     output_units: Sequence[str] = ()
 
     def __post_init__(self) -> None:
+        expect_text(self.name, "descriptor: name")
         owner = f"descriptor {self.name!r}"
         _set_channels(self, owner)
-        if np.ndim(self.A) != 2 and not is_sparse(self.A):
-            raise ModelError(f"{owner}: A has shape {np.shape(self.A)}, but a square matrix is needed")
-        n, nu, ny = np.shape(self.A)[0], len(self.inputs), len(self.outputs)
+        A = sp.csr_array(checked_matrix(self.A, (None, None), f"{owner}: A"))
+        n, nu, ny = A.shape[0], len(self.inputs), len(self.outputs)
         sizes = f"{owner} ({n} states, {nu} inputs, {ny} outputs)"
-        for kind in ("E", "A"):
-            object.__setattr__(self, kind, sp.csr_array(checked_matrix(getattr(self, kind), (n, n), f"{sizes}: {kind}")))
+        _expect_square(A.shape, f"{sizes}: A")
+        object.__setattr__(self, "A", A)
+        object.__setattr__(self, "E", sp.csr_array(checked_matrix(self.E, (n, n), f"{sizes}: E")))
         for kind, shape in {"B": (n, nu), "C": (ny, n)}.items():
             object.__setattr__(self, kind, checked_matrix(getattr(self, kind), shape, f"{sizes}: {kind}"))
         object.__setattr__(self, "D", checked_dense(self.D, (ny, nu), f"{sizes}: D"))
