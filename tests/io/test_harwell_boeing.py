@@ -87,7 +87,7 @@ def test_a_superelement_with_modal_rows(tmp_path: Path) -> None:
         read_model(path)
 
 
-@pytest.mark.parametrize(("number", "ending"), [(8, ".sub"), (4, ".full"), (2, ".emat")])
+@pytest.mark.parametrize(("number", "ending"), [(8, ".sub"), (2, ".emat")])
 def test_binary_files_say_which_commands_make_text_of_them(tmp_path: Path, number: int, ending: str) -> None:
     path = tmp_path / f"job{ending}"
     path.write_bytes(struct.pack("<103i", 100, 0, number, *([0] * 99), 100))

@@ -20,6 +20,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import scipy.io
+from ansys_files import write_full
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from nx_files import TRUSS
@@ -108,6 +109,12 @@ def hbmat(folder: Path) -> Path:
     return folder_of(folder, model(), np.arange(12))
 
 
+def ansys_full(folder: Path, packed: bool = False) -> Path:
+    m = model()
+    matrices = {"stiffness": m.stiffness, "mass": m.mass, "damping": 0.1 * m.stiffness}
+    return write_full(folder / "job.full", matrices, [20, 4, 19, 7], [1, 2, 3], fixed=[0, 5], packed=packed, scale=1.0)
+
+
 def universal(folder: Path) -> Path:
     (folder / "u.uff").write_text(mode(1.0, np.ones((2, 3))) + function(np.ones(4) + 0j))
     return folder / "u.uff"
@@ -144,6 +151,8 @@ SAMPLES: dict[str, tuple[Callable[[Path], Path], Callable[[Path], object]]] = {
     "calculix of ccx": (copied(*(f"calculix/rigid{e}" for e in (".sti", ".mas", ".dof", ".inp"))), read_model),
     "abaqus_substructure": (substructure_file, lambda p: read_component(p, format="abaqus_substructure")),
     "ansys_hbmat": (hbmat, lambda p: read_model(p, format="ansys_hbmat")),
+    "ansys_full": (ansys_full, lambda p: read_model(p, format="ansys_full")),
+    "ansys_full packed": (lambda folder: ansys_full(folder, True), lambda p: read_model(p, format="ansys_full")),
     "mystran_sparse": (copied(*(f"mystran/panel{e}" for e in (".L1L", ".L1R", ".bdf"))),
                        lambda p: read_model(p, format="mystran_sparse")),
     "nastran_op2 + cards": (as_op2, lambda p: read_component(p, format="nastran_op2")),

@@ -2,17 +2,17 @@
 
 What the rows are: the `.mapping` that HBMAT writes with Mapping=YES (equation, node, UX), or a table `.csv` of node,direction
 (direction 0 is a modal coordinate of a CMS superelement), beside the stiffness file under its stem, or mapping=. The binary
-`.full`, `.sub` and `.emat` files themselves are recognised, and refused with the commands that make text of them.
+`.sub` and `.emat` files themselves are recognised, and refused with the commands that make text of them.
 """
 
 from __future__ import annotations
 
-import struct
 from pathlib import Path
 from typing import Any
 
 from flexplant.errors import ReadError
 from flexplant.io.formats import Format
+from flexplant.io.parse.ansys_binary import binary_kind
 from flexplant.io.parse.ansys_mapping import read_coordinates, read_equations
 from flexplant.io.parse.dof_table import read_dof_table
 from flexplant.io.parse.files import provenance, read_head, sibling
@@ -26,25 +26,17 @@ from flexplant.model.component import Component, FiniteElementModel
 from flexplant.model.dofs import DofSet
 from flexplant.model.geometry import Nodes
 
-BINARY = {2: ".emat", 4: ".full", 8: ".sub"}
+REFUSED = (".emat", ".sub")
 ADVICE = (
     "is Ansys' binary {kind} file, which is not read; make text of it in /AUX2: FILE,job,{ending}  then  "
     "HBMAT,job_stiff,matrix,,ASCII,STIFF,NO,YES  and  HBMAT,job_mass,matrix,,ASCII,MASS,NO,YES"
 )
 
 
-def binary_kind(head: bytes) -> str | None:
-    """The kind of an Ansys binary file: a record of 100 words in front, the first of which is the file's number."""
-    for order in "<>":
-        if len(head) >= 12 and struct.unpack_from(order + "i", head)[0] == 100:
-            return BINARY.get(struct.unpack_from(order + "i", head, 8)[0])
-    return None
-
-
 def sniff(head: bytes, path: Path) -> bool:
     """Harwell-Boeing text, or an Ansys binary file with matrices under its usual ending."""
     kind = binary_kind(head)
-    return looks_like_harwell_boeing(head) or (kind is not None and path.suffix.lower() == kind)
+    return looks_like_harwell_boeing(head) or (kind in REFUSED and path.suffix.lower() == kind)
 
 
 def read_model(
