@@ -35,17 +35,18 @@ def cylindrical_frame(position: npt.ArrayLike, origin: npt.ArrayLike, axes: npt.
     On the axis the radial direction is undefined: there the x axis is taken (MSC Nastran convention for theta = 0).
     """
     rows = check_rotation(axes, "cylindrical frame")
-    local = rows @ (_point(position, "cylindrical_frame: position") - _point(origin, "cylindrical_frame: origin"))
+    local = rows @ (point(position, "cylindrical_frame: position") - point(origin, "cylindrical_frame: origin"))
     radius = float(np.hypot(local[0], local[1]))
     c, s = (local[0] / radius, local[1] / radius) if radius > 1e-12 * (1 + abs(local).max()) else (1.0, 0.0)
     return np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]]) @ rows
 
 
-def _point(values: npt.ArrayLike, what: str) -> FloatArray:
-    point = real_values(values, what)
-    if point.shape != (3,) or not np.isfinite(point).all():
-        raise InputError(f"{what} must be three finite numbers, got shape {point.shape}: {values!r:.60}")
-    return point
+def point(values: npt.ArrayLike, what: str) -> FloatArray:
+    """(3,) three finite numbers; InputError otherwise."""
+    found = real_values(values, what)
+    if found.shape != (3,) or not np.isfinite(found).all():
+        raise InputError(f"{what} must be three finite numbers, got shape {found.shape}: {values!r:.60}")
+    return found
 
 
 def cross_matrix(vector: npt.ArrayLike) -> FloatArray:
@@ -147,7 +148,7 @@ def rigid_body_vectors(
     expect(dofs, DofSet, "rigid_body_vectors", "DofSet.of([(node, direction), ...]) makes one")
     placement = Placement() if placement is None else placement
     expect(placement, Placement, "rigid_body_vectors", "Placement(rotation, translation) makes one")
-    centre = _point(about, "rigid_body_vectors: about")
+    centre = point(about, "rigid_body_vectors: about")
     rows = np.zeros((len(dofs), 6))
     for node in dofs.nodes:
         to_local = nodes.frame(node) @ placement.rotation.T

@@ -71,7 +71,12 @@ def _stored(part: Partition, interior: Interior, keep_basis: Storage) -> FloatAr
     if keep_basis is not True and not callable(keep_basis):
         raise InputError(f"keep_basis must be True, False or a function from a shape to an array, got {keep_basis!r:.60}")
     shape = (len(part.model.dofs), part.b.size + interior.raw.shape[1])
-    return part.full_basis(interior.vectors, None if keep_basis is True else keep_basis(shape))
+    memory = None if keep_basis is True else keep_basis(shape)
+    if memory is not None and np.shape(memory) != shape:
+        raise InputError(
+            f"keep_basis: the function gave {type(memory).__name__} {np.shape(memory)}, but an array {shape} is needed"
+        )
+    return part.full_basis(interior.vectors, memory)
 
 
 def _recovery(part: Partition, interior: Interior, dofs: DofSet) -> dict[str, Recovery]:

@@ -7,7 +7,7 @@ from collections.abc import Iterable
 import numpy as np
 
 from flexplant.errors import InputError
-from flexplant.model.arrays import Matrix, checked_symmetric, is_number
+from flexplant.model.arrays import Matrix, checked_switch, checked_symmetric, is_number
 from flexplant.model.component import FiniteElementModel
 from flexplant.model.damping import DampingRatio, with_modal_damping
 from flexplant.model.dofs import DofSet
@@ -72,6 +72,8 @@ def craig_bampton(
         raise InputError(f"craig_bampton reduces a FiniteElementModel, got {type(model).__name__}")
     if not (verify_count is None or isinstance(verify_count, (bool, np.bool_))):
         raise InputError(f"craig_bampton: verify_count is True, False or None, got {verify_count!r:.60}")
+    checked_switch(error_estimate, "craig_bampton: error_estimate")
+    max_frequency_hz = None if max_frequency_hz is None else float(max_frequency_hz)
     if not (progress is None or callable(progress)):
         raise InputError(f"craig_bampton: progress must be a function of (stage, share), or None, got {progress!r:.60}")
     part = Partition.of(model, boundary, threads=threads, memory_limit=memory_limit, backend=backend)
@@ -112,11 +114,10 @@ def _check_request(max_frequency_hz: float | None, n_modes: int | None, residual
     if max_frequency_hz is None and n_modes is None:
         raise InputError("craig_bampton: give max_frequency_hz or n_modes")
     if max_frequency_hz is not None and not (is_number(max_frequency_hz) and 0 < max_frequency_hz < np.inf):
-        raise InputError(f"craig_bampton: max_frequency_hz must be positive and finite, got {max_frequency_hz}")
+        raise InputError(f"craig_bampton: max_frequency_hz must be positive and finite, got {max_frequency_hz!r:.60}")
     if not _is_count(residual_vectors) or not (n_modes is None or _is_count(n_modes)):
-        raise InputError(
-            f"craig_bampton: n_modes {n_modes!r} and residual_vectors {residual_vectors!r} must be whole numbers, not negative"
-        )
+        counts = f"n_modes {n_modes!r:.60} and residual_vectors {residual_vectors!r:.60}"
+        raise InputError(f"craig_bampton: {counts} must be whole numbers, not negative")
 
 
 def _check_choice(
@@ -133,9 +134,9 @@ def _check_choice(
     if accuracy is not None and size is not None:
         raise InputError("craig_bampton: give accuracy (as few coordinates as it needs) or size (as accurate as it allows)")
     if size is not None and not _is_count(size):
-        raise InputError(f"craig_bampton: size {size!r} must be a whole number, not negative")
+        raise InputError(f"craig_bampton: size {size!r:.60} must be a whole number, not negative")
     if accuracy is not None and not (is_number(accuracy) and 0 < accuracy < 1):
-        raise InputError(f"craig_bampton: accuracy is a relative frequency error between 0 and 1, got {accuracy}")
+        raise InputError(f"craig_bampton: accuracy is a relative frequency error between 0 and 1, got {accuracy!r:.60}")
 
 
 def _is_count(value: object) -> bool:
@@ -144,9 +145,9 @@ def _is_count(value: object) -> bool:
 
 def _checked_damping(model: FiniteElementModel, matrix: Matrix | float | None) -> Matrix | None:
     if is_number(matrix):
-        if isinstance(matrix, bool) or not 0 <= matrix < np.inf:
-            raise InputError(f"craig_bampton: a loss factor must be finite and not negative, got {matrix}")
-        return matrix * model.stiffness
+        if not 0 <= matrix < np.inf:
+            raise InputError(f"craig_bampton: a loss factor must be finite and not negative, got {matrix!r:.60}")
+        return float(matrix) * model.stiffness
     return None if matrix is None else checked_symmetric(matrix, len(model.dofs), f"model {model.name!r}: structural damping")
 
 

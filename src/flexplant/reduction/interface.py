@@ -10,11 +10,11 @@ import numpy.typing as npt
 import scipy.linalg as la
 import scipy.sparse as sp
 
-from flexplant.errors import InputError, ModelError, expect, nearest
-from flexplant.model.arrays import FloatArray, IntArray, Matrix
+from flexplant.errors import InputError, ModelError, expect, expect_choice, expect_count, nearest
+from flexplant.model.arrays import FloatArray, IntArray, Matrix, items_of, real_values
 from flexplant.model.component import FiniteElementModel
 from flexplant.model.dofs import DofSet, expand_directions
-from flexplant.model.geometry import Nodes, rigid_body_vectors
+from flexplant.model.geometry import Nodes, point, rigid_body_vectors
 
 RANK = 1e-8  # of the patch's largest motion: below it the patch does not feel the interface node's motion
 KINDS = ("rigid", "average")
@@ -39,12 +39,17 @@ def with_interface_node(
     a patch (one node, a straight line) that leaves a motion of the node undefined; InputError for impossible arguments.
     """
     expect(model, FiniteElementModel, "with_interface_node", "read_model gives one from a file")
-    if kind not in KINDS:
-        raise InputError(f"interface node {node}: kind {kind!r} must be 'rigid' or 'average'")
-    nodes = _checked_nodes(model, node, patch)
-    at = np.asarray(position, dtype=float)
-    wanted = expand_directions(directions if kind == "rigid" else "123")
-    rows = np.flatnonzero(np.isin(model.dofs.node, list(patch)) & np.isin(model.dofs.direction, wanted))
+    expect_choice(kind, KINDS, "interface node: kind")
+    expect_count(node, "interface node: node", most=np.iinfo(np.int64).max)
+    patch = _checked_patch(model, patch)
+    nodes = _checked_nodes(model, node)
+    at = point(position, "interface node: position")
+    wanted = expand_directions(directions)
+    if kind == "rigid" and weights is not None:
+        raise InputError("interface node: weights are those of kind='average'; a rigid patch has none")
+    rows = np.flatnonzero(
+        np.isin(model.dofs.node, patch) & np.isin(model.dofs.direction, wanted if kind == "rigid" else (1, 2, 3))
+    )
     motion = rigid_body_vectors(nodes, DofSet(model.dofs.node[rows], model.dofs.direction[rows]), about=at)
     _check_rank(model, node, motion)
     if kind == "rigid":
@@ -55,14 +60,23 @@ def with_interface_node(
     return _transformed(model, node, at, dependent, link, others, spread)
 
 
-def _checked_nodes(model: FiniteElementModel, node: int, patch: Sequence[int]) -> Nodes:
+def _checked_patch(model: FiniteElementModel, patch: Sequence[int]) -> list[int]:
+    listed = items_of(patch)
+    if listed is None or not all(isinstance(p, (int, np.integer)) and not isinstance(p, bool) for p in listed):
+        raise InputError(f"interface node: patch must be a list of node ids such as [101, 102], got {patch!r:.60}")
+    known = set(model.dofs.node.tolist())
+    for missing in [p for p in listed if p not in known][:1]:
+        raise ModelError(f"model {model.name!r} has no node {missing}." + nearest(str(missing), map(str, sorted(known))))
+    if len(set(listed)) < len(listed):
+        raise InputError("interface node: patch lists a node twice")
+    return [int(p) for p in listed]
+
+
+def _checked_nodes(model: FiniteElementModel, node: int) -> Nodes:
     if model.nodes is None:
         raise ModelError(f"model {model.name!r} has no node positions, so an interface node cannot be placed")
     if node in model.nodes:
         raise ModelError(f"model {model.name!r} has a node {node} already; give the interface node another id")
-    known = set(model.dofs.node.tolist())
-    for missing in [p for p in patch if p not in known][:1]:
-        raise ModelError(f"model {model.name!r} has no node {missing}." + nearest(str(missing), map(str, sorted(known))))
     return model.nodes
 
 
@@ -76,8 +90,8 @@ def _check_rank(model: FiniteElementModel, node: int, motion: FloatArray) -> Non
 
 
 def _row_weights(model: FiniteElementModel, rows: IntArray, patch: Sequence[int], weights: npt.ArrayLike | None) -> FloatArray:
-    given = np.ones(len(patch)) if weights is None else np.asarray(weights, dtype=float)
-    if given.shape != (len(patch),) or not (np.isfinite(given).all() and given.min() > 0):
+    given = np.ones(len(patch)) if weights is None else real_values(weights, "interface node: weights")
+    if given.shape != (len(patch),) or not (np.isfinite(given).all() and (given > 0).all()):
         raise InputError(f"interface node: weights must be {len(patch)} positive numbers, one a patch node")
     by_node = dict(zip((int(p) for p in patch), given, strict=True))
     return np.array([by_node[int(n)] for n in model.dofs.node[rows]])

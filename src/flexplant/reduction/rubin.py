@@ -10,7 +10,7 @@ import numpy as np
 import scipy.linalg as la
 
 from flexplant.errors import InputError, expect, expect_count
-from flexplant.model.arrays import FloatArray, is_number
+from flexplant.model.arrays import FloatArray, checked_switch, is_number
 from flexplant.model.component import FiniteElementModel
 from flexplant.model.damping import DampingRatio, with_modal_damping
 from flexplant.model.dofs import DofSet
@@ -58,6 +58,7 @@ def rubin(
         expect_count(n_modes, "rubin: n_modes")
     if n_modes is not None and n_modes > len(model.dofs):
         raise InputError(f"rubin: n_modes {n_modes} must lie between 0 and the {len(model.dofs)} DOF of model {model.name!r}")
+    checked_switch(error_estimate, "rubin: error_estimate")
     if not (progress is None or callable(progress)):
         raise InputError(f"rubin: progress must be a function of (stage, share), or None, got {progress!r:.60}")
     part = Partition.of(model, boundary, threads=threads, memory_limit=memory_limit, backend=backend)
