@@ -2,12 +2,17 @@
 
 import numpy as np
 import pytest
+import xarray as xr
 
+from flexplant.blocks.basic import gain
 from flexplant.blocks.tones import Tones, rms
+from flexplant.blocks.transfer_function import transfer_function
 from flexplant.blocks.wheel import Wheel, harmonic_amplitudes, wheel_tones
 from flexplant.errors import InputError
+from flexplant.loop import tone_sweep
 from flexplant.loop.cascade import cascade_of
 from flexplant.loop.close import close
+from flexplant.loop.diagram import Diagram
 from flexplant.loop.frequency import frequency_response as diagram_response
 from flexplant.loop.frequency import frequency_response_blocks
 from flexplant.loop.harmonic import harmonic_response, wheel_speed_sweep
@@ -178,3 +183,70 @@ def test_sweep_of_every_kind_of_output(wheel, fallback, monkeypatch):
         expected = np.einsum("oif,i->of", frequency_response(plant, h * speeds).values, a) * speeds**2
         found = sweep.amplitude.sel(harmonic=h).values
         assert (abs(found - expected).max(axis=1) / abs(expected).max(axis=1)).max() < 1e-12
+
+
+def mixed_outputs(seed=4, n=30):
+    """Displacements, velocities and accelerations of a plant with rigid-body modes, two of them through a filter."""
+    rng = np.random.default_rng(seed)
+    omega = np.r_[0.0, 0.0, 2 * np.pi * np.sort(rng.uniform(5, 300, n))]
+    none, rows = np.zeros((2, n + 2)), rng.normal(size=(3, 2, n + 2))
+    plant = ModalPlant(
+        omega=omega, zeta=np.where(omega > 0, 0.01, 0.0), shape_in=rng.normal(size=(n + 2, 6)),
+        shape_out=np.vstack([rows[0], none, none]), shape_out_velocity=np.vstack([none, rows[1], none]),
+        shape_out_acceleration=np.vstack([none, none, rows[2]]), feedthrough=rng.normal(size=(6, 6)),
+        inputs=[f"u{k}" for k in range(6)], outputs=[f"y{k}" for k in range(6)],
+    )  # fmt: skip
+    lag = transfer_function([3.0, 500.0], [1.0, 80.0, 4e4], input_name="u", output_name="y")
+    wires = [("plant.y0", "a.u"), ("plant.y3", "b.u")]
+    outputs = {"a": "a.y", "b": "b.y", **{f"y{k}": f"plant.y{k}" for k in range(6)}}
+    inputs = {f"u{k}": f"plant.u{k}" for k in range(6)}
+    return Diagram(blocks={"plant": plant, "a": lag, "b": lag}, connections=wires, inputs=inputs, outputs=outputs)
+
+
+@pytest.mark.parametrize("speeds", [np.linspace(1.0, 80.0, 101), np.array([3.0]), np.array([50.0, 2.0, 30.0, 2.0])])
+def test_compiled_and_numpy_sweeps_equal_the_dense_solution(speeds, monkeypatch):
+    """Every kind of output, rigid-body modes, feedthrough and a filter, with complex amplitudes: three routes."""
+    system = mixed_outputs()
+    rng = np.random.default_rng(1)
+    wheel = Wheel(
+        amplitude=rng.normal(size=(6, 3)), harmonics=[0.7, 1.0, 3.1], phase_rad=rng.normal(size=(6, 3)),
+        inputs=[f"u{k}" for k in range(6)],
+    )  # fmt: skip
+    one = wheel_speed_sweep(system, wheel, speeds)
+    monkeypatch.setattr(tone_sweep, "numba", lambda: None)
+    other = wheel_speed_sweep(system, wheel, speeds)
+    whole, (harmonics, amplitudes) = close(system), harmonic_amplitudes(wheel)
+    dense = np.empty(one.amplitude.shape, dtype=complex)
+    for j, speed in enumerate(speeds):
+        for h, a in enumerate(amplitudes.T):
+            s = 2j * np.pi * harmonics[h] * speed
+            x = np.linalg.solve(s * np.eye(whole.n_states) - whole.A, whole.B @ a)
+            dense[:, h, j] = (whole.C @ x + whole.D @ a) * speed**2
+    for found in (one, other):
+        assert (abs(found.amplitude.values - dense).max(axis=2) <= 1e-12 * abs(dense).max(axis=2)).all()
+        assert found.rms.values == pytest.approx(np.sqrt((abs(dense) ** 2).sum(axis=1) / 2), rel=1e-12)
+
+
+def test_labels_are_those_that_xarray_makes():
+    system, speeds = mixed_outputs(), np.array([1.0, 2.0])
+    wheel = Wheel(amplitude=1.0, harmonics=[1.0], inputs=[f"u{k}" for k in range(6)])
+    found = wheel_speed_sweep(system, wheel, speeds)
+    data = {name: (found[name].dims, found[name].values) for name in ("rms", "amplitude")}
+    made = xr.Dataset(data, coords={"output": list(system.outputs), "omega_hz": speeds, "harmonic": [1.0]})
+    assert found.identical(made)
+    assert found.sel(output="y3", omega_hz=2.0).rms == made.rms[5, 1]
+
+
+def test_rows_that_outputs_share_are_summed_once():
+    """The spot and the mirror's loop read the same two displacements."""
+    system = mixed_outputs()
+    sweep = tone_sweep.tone_sweep_of(system)
+    assert sweep._read.shape == (8, 6)
+    assert tone_sweep.tone_sweep_of(system) is sweep
+    doubled = Diagram(
+        blocks={**system.blocks, "twice": gain(2.0)},
+        connections=[*system.connections, ("plant.y1", "twice.u")],
+        inputs=system.inputs,
+        outputs={**system.outputs, "twice": "twice.y"},
+    )
+    assert tone_sweep.tone_sweep_of(doubled)._read.shape == (9, 6)

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from flexplant.plant.modal import ModalPlant
+from flexplant.response import blocks, tiles
 from flexplant.response import receptance as module
-from flexplant.response import tiles
 from flexplant.response.frequency import frequency_response
 from flexplant.response.receptance import ModalSum
 from flexplant.response.tiles import summed
@@ -87,14 +87,14 @@ def test_groups_are_sums_at_frequencies_of_their_own(kernel, count):
 def test_blocks_cover_all_frequencies_once():
     rng = np.random.default_rng(3)
     poles, w = np.sort(rng.uniform(0, 6000, 150)), np.linspace(1, 7000, 24 * 13 - 5)[None]
-    blocks = module.work_blocks(w, poles, 2)
-    order = np.argsort(blocks[:, 0])
-    ends = blocks[order, :2]
+    table = module.work_blocks(w, poles, 2)
+    order = np.argsort(table[:, 0])
+    ends = table[order, :2]
     assert ends[0, 0] == 0
     assert ends[-1, 1] == w.size
     assert (ends[1:, 0] <= ends[:-1, 1]).all()  # only the last one is moved back to fill its strip
     assert ((ends[1:, 0] == ends[:-1, 1])[:-1]).all()
-    assert len(blocks) > 3
+    assert len(table) > 3
 
 
 def test_modes_at_the_edge_of_a_block_are_summed_one_by_one():
@@ -174,3 +174,24 @@ def test_repeated_frequencies_on_an_undamped_mode_keep_the_others():
     assert found[1] == pytest.approx(1 / (20.0**2 - w**2), rel=1e-13)
     assert found[0, w != 7.0] == pytest.approx(1 / (7.0**2 - w[w != 7.0] ** 2), rel=1e-13)
     assert (found[0, w == 7.0] == 0).all()
+
+
+@pytest.mark.parametrize("tiles", [1, 5])
+@pytest.mark.parametrize("grid", [name for name in GRIDS if name not in ("shuffled", "one")])
+def test_all_forms_choose_blocks_of_the_same_least_work(grid, tiles):
+    """Compiled, in plain Python and level by level: the same blocks, which cover every frequency once."""
+    rng = np.random.default_rng(3)
+    poles, w = np.sort(rng.uniform(0, 7000, 150)), np.outer([0.3, 1.0, 4.0], 2 * np.pi * GRIDS[grid])
+    found = []
+    for form in (blocks._chosen, blocks._chosen.loops, blocks._chosen.fallback):
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(blocks, "_chosen", form)
+            table = blocks.work_blocks(w, poles, tiles)
+        found.append(table[np.lexsort(table.T[::-1])])
+    assert np.array_equal(found[0], found[1])
+    assert np.array_equal(found[0], found[2])
+    covered = np.zeros(w.size, dtype=int)
+    for start, stop in found[0][:, :2]:
+        covered[start:stop] += 1
+    assert (covered >= 1).all()
+    assert covered.sum() - w.size < 24 * len(found[0])

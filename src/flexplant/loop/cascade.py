@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
@@ -55,7 +55,9 @@ def cascade_of(system: Simulated) -> Cascade:
     if isinstance(system, ModalPlant) and system.damping is None:
         return _of_modal(system)
     if isinstance(system, Diagram):
-        return _of_diagram(system)
+        if "cascade" not in system.derived:
+            system.derived["cascade"] = _of_diagram(system)
+        return cast(Cascade, system.derived["cascade"])
     return _undivided(state_space(simulated(system)))
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -89,6 +90,11 @@ class Diagram:
         """Block names in the order signals flow; blocks in one feedback loop share a stage."""
         names = list(self.blocks)
         return [[names[k] for k in stage] for stage in block_stages(self.wiring, len(names))]
+
+    @cached_property
+    def derived(self) -> dict[str, Any]:
+        """What analyses made of this diagram, by their names: it never changes, so they need not make it again."""
+        return {}
 
 
 def _sample_times(blocks: Mapping[str, Block]) -> dict[str, float | None]:

@@ -11,10 +11,11 @@ import xarray as xr
 from flexplant.blocks.tones import Tones
 from flexplant.blocks.wheel import Wheel, harmonic_amplitudes
 from flexplant.errors import InputError, expect, nearest
-from flexplant.loop.cascade import cascade_of, simulated
+from flexplant.loop.cascade import simulated
 from flexplant.loop.frequency import ComplexArray, Linear, frequency_response
+from flexplant.loop.labels import coordinates
 from flexplant.loop.steady import input_amplitudes
-from flexplant.loop.tone_sweep import ToneSweep
+from flexplant.loop.tone_sweep import tone_sweep_of
 from flexplant.model.arrays import FloatArray, real_values
 
 
@@ -61,13 +62,14 @@ def wheel_speed_sweep(systems: Linear | Mapping[str, Linear], wheel: Wheel, omeg
 def _sweep(system: Linear, wheel: Wheel, speeds: FloatArray) -> xr.Dataset:
     harmonics, amplitudes = harmonic_amplitudes(wheel)
     columns = _columns(list(system.inputs), wheel)
-    sweep = ToneSweep(cascade_of(system))
+    sweep = tone_sweep_of(system)
     if sweep.pays:
         whole = np.zeros((len(system.inputs), harmonics.size), dtype=complex)
         np.add.at(whole, columns, amplitudes)
-        ascending, place = np.unique(speeds, return_inverse=True)
-        Y = sweep(whole, 2 * np.pi * np.outer(harmonics, ascending)) * ascending**2
-        Y = Y if np.array_equal(ascending, speeds) else Y[:, :, place]
+        ascending, place = (speeds, None) if (speeds[1:] > speeds[:-1]).all() else np.unique(speeds, return_inverse=True)
+        Y = sweep(whole, 2 * np.pi * np.outer(harmonics, ascending))
+        Y *= ascending**2
+        Y = Y if place is None else Y[:, :, place]
     else:
         Y = _by_response(system, harmonics, amplitudes, columns, speeds)
     return xr.Dataset(
@@ -75,7 +77,7 @@ def _sweep(system: Linear, wheel: Wheel, speeds: FloatArray) -> xr.Dataset:
             "rms": (("output", "omega_hz"), np.sqrt((Y.real**2 + Y.imag**2).sum(axis=1) / 2)),
             "amplitude": (("output", "harmonic", "omega_hz"), Y),
         },
-        coords={"output": list(system.outputs), "omega_hz": speeds, "harmonic": harmonics},
+        coords=coordinates(output=list(system.outputs), omega_hz=speeds, harmonic=harmonics),
     )
 
 

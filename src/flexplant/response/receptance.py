@@ -3,24 +3,21 @@
 In a block of neighbouring frequencies most modes are far away and vary smoothly: their sum is evaluated at Chebyshev nodes and
 interpolated, and only the modes near the block are summed one by one. The number of nodes is that at which the interpolation
 error falls below round-off: a pole outside the Bernstein ellipse of size RHO around the block leaves RHO^-STRIP = 1e-15 of its
-size (Trefethen, Approximation Theory and Approximation Practice, chapter 8). The blocks are those of least work.
+size (Trefethen, Approximation Theory and Approximation Practice, chapter 8). The blocks are those of least work (see `blocks`).
 """
 
 from __future__ import annotations
 
-from functools import lru_cache
 from typing import Any, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
 
 from flexplant.model.arrays import FloatArray, IntArray
+from flexplant.response.blocks import work_blocks
 from flexplant.response.tiles import ROWS, STRIP, sum_blocks_numpy, summed
 
 ComplexArray: TypeAlias = npt.NDArray[np.complex128]
-RHO = 10 ** (15 / STRIP)
-REACH = 0.5 * (RHO + 1 / RHO)  # half the width of that ellipse, where the block is two wide
-TABLE = 2.5  # work of a receptance, beside that of adding it to ROWS rows
 PLAIN = (1e-15, 1e25)  # rad/s between which products of three squared sizes neither underflow nor overflow
 ANGLES = (np.arange(STRIP) + 0.5) * (np.pi / STRIP)
 # values at the nodes -> coefficients of Chebyshev polynomials
@@ -93,48 +90,3 @@ def _plain(omega: FloatArray) -> bool:
     """True for frequencies whose reciprocals may share a division."""
     low, high = omega.min(where=omega > 0, initial=PLAIN[1]), omega.max(initial=PLAIN[0])
     return bool(PLAIN[0] <= low and high <= PLAIN[1])
-
-
-def work_blocks(w: FloatArray, poles: FloatArray, tiles: int) -> IntArray:
-    """(nb, 6) blocks of ascending w (groups, nf >= STRIP) that cost least, with poles ascending.
-
-    Columns: start and stop in w as one list, first and last near mode, first and last row of the group, ROWS x tiles a group.
-    Blocks are halved as long as that saves work (counted in modes added to ROWS rows at STRIP frequencies); one whose modes are
-    all near is summed plainly.
-    """
-    start, stop, size = _halvings(w.shape[1])
-    n, row = poles.size, tiles + TABLE
-    low, high = w[:, start], w[:, stop - 1]
-    margin = 0.5 * (REACH - 1) * (high - low)
-    first, last = np.searchsorted(poles, low - margin), np.searchsorted(poles, high + margin, side="right")
-    interpolated = size * ((last - first) * row + STRIP * (tiles + 1)) + n * row + STRIP * tiles
-    plainly = (size * n * row <= interpolated) | (high <= low)
-    group, node = _cheapest(np.where(plainly, size * n * row, interpolated))
-    all_near = plainly[group, node]
-    near = (np.where(all_near, 0, first[group, node]), np.where(all_near, n, last[group, node]))
-    at, rows = group * w.shape[1], group * tiles * ROWS
-    return np.stack([at + start[node], at + stop[node], *near, rows, rows + tiles * ROWS], axis=1)
-
-
-@lru_cache(maxsize=64)
-def _halvings(count: int) -> tuple[IntArray, IntArray, IntArray]:
-    """Start, stop and size in strips of the blocks of `count` frequencies: all, its halves, their halves, ... (heap order)."""
-    strips = -(-count // STRIP)
-    edges = [(strips * np.arange(2**level + 1)) >> level for level in range(strips.bit_length())]
-    first, last = (np.concatenate([e[part] for e in edges]) for part in (slice(None, -1), slice(1, None)))
-    return np.minimum(first * STRIP, count - STRIP), np.minimum(last * STRIP, count), last - first
-
-
-def _cheapest(cost: FloatArray) -> tuple[IntArray, IntArray]:
-    """(group, node) of the blocks of least cost; node k (heap order) is the union of 2 k + 1 and 2 k + 2."""
-    best, chosen = cost.copy(), np.zeros(cost.shape, dtype=bool)
-    levels = [slice(2**k - 1, 2 ** (k + 1) - 1) for k in range((cost.shape[1] + 1).bit_length() - 1)]
-    for level, below in zip(levels[-2::-1], levels[:0:-1], strict=True):
-        np.minimum(cost[:, level], best[:, below][:, ::2] + best[:, below][:, 1::2], out=best[:, level])
-    reached = np.ones((cost.shape[0], 1), dtype=bool)
-    for level in levels:
-        whole = best[:, level] == cost[:, level]
-        chosen[:, level] = reached & whole
-        reached = np.repeat(reached & ~whole, 2, axis=1)
-    group, node = np.nonzero(chosen)
-    return group, node

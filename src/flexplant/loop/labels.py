@@ -1,0 +1,19 @@
+"""Labels of results, made without xarray's search through them: it takes longer than a thousand steady states."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+import xarray as xr
+from xarray.indexes import PandasIndex
+
+
+def coordinates(**labels: npt.ArrayLike) -> xr.Coordinates:
+    """Dimension coordinates by name, as `xarray.Dataset` makes them from lists of numbers or texts."""
+    variables, indexes = {}, {}
+    for name, values in labels.items():
+        given = np.asarray(values)
+        index = PandasIndex(given.astype(object) if given.dtype.kind == "U" else given, name, coord_dtype=given.dtype)
+        indexes[name] = index
+        variables.update(index.create_variables())
+    return xr.Coordinates(variables, indexes=indexes)
