@@ -213,9 +213,9 @@ def test_requests_that_cannot_be_met():
         ({"size": 2.5, "max_frequency_hz": 100.0}, "size 2.5 must be a whole number"),
         ({"size": -1, "max_frequency_hz": 100.0}, "size -1 must be a whole number"),
         ({"size": 3, "max_frequency_hz": 20_000.0}, "size 3 is too small: .* modes up to 21000 Hz"),
-        ({"accuracy": "x", "max_frequency_hz": 100.0}, "between 0 and 1, got x"),
+        ({"accuracy": "x", "max_frequency_hz": 100.0}, "between 0 and 1, got 'x'"),
         ({"n_modes": 3, "residual_vectors": "2"}, "residual_vectors '2' must be whole numbers"),
-        ({"max_frequency_hz": "100"}, "positive and finite, got 100"),
+        ({"max_frequency_hz": "100"}, "positive and finite, got '100'"),
     ):
         with pytest.raises(InputError, match=words) as caught:
             craig_bampton(model, boundary, **options)
