@@ -293,11 +293,13 @@ def convert_file(
     format: Format = None,  # noqa: A002
     units: Units = None,
     dt: Annotated[float | None, typer.Option(help="Sample time in seconds, for C source.")] = None,
+    openfast: Annotated[int | None, typer.Option(help="Major version of OpenFAST, for .extptfm (default 4).")] = None,
 ) -> None:
     """Put a component, model or plant into another format (docs/formats.md lists them)."""
     from flexplant.io import convert
 
-    options: dict[str, Any] = {} if dt is None else {"dt": dt}
+    given: dict[str, Any] = {"dt": dt, "openfast": openfast}
+    options = {name: value for name, value in given.items() if value is not None}
     typer.echo(f"wrote {convert(source, target, format=format, units=units, **options)}")
 
 

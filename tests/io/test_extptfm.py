@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from structures import chain
 
-from flexplant.errors import ReadError
+from flexplant.errors import InputError, ReadError
 from flexplant.io import read_component, write_component
 from flexplant.modes import normal_modes
 from flexplant.reduction import craig_bampton
@@ -97,3 +97,42 @@ def test_another_reader_of_openfast_files_gets_our_matrices(tmp_path: Path) -> N
     found = other.FASTInputFileBase(str(tmp_path / "platform.extptfm"))
     for name, matrix in (("Mass", component.mass), ("Stiffness", component.stiffness), ("Damping", component.damping)):
         np.testing.assert_array_equal(np.array(found[f"{name}Matrix"], dtype=float), matrix)
+
+
+def openfast_5(folder: Path) -> dict[str, object]:
+    """The superelement as OpenFAST 5's own input package holds it after reading the file."""
+    package = pytest.importorskip("openfast_io.FAST_reader", reason="openfast-io is not installed (pip install openfast-io)")
+    reader = package.InputReader_OpenFAST()
+    reader.fst_vt["ExtPtfm"]["FlexASCII"] = {}
+    reader.read_Superelement(str(folder / "SE.extptfm"))
+    return reader.fst_vt["ExtPtfm"]["FlexASCII"]
+
+
+def test_openfast_5_reads_what_we_write_and_we_what_it_writes(tmp_path: Path) -> None:
+    """There and back through the input package of the OpenFAST project: bit by bit there, in its nine digits back."""
+    component = craig_bampton(chain(), [(1, "123456")], n_modes=4, damping_ratio=0.01)
+    write_component(component, tmp_path / "SE.extptfm", openfast=5)
+    held = openfast_5(tmp_path)
+    for name in ("Mass", "Stiffness", "Damping"):
+        np.testing.assert_array_equal(held[f"{name}Matrix"], getattr(component, name.lower()))
+    assert held["nDOF"] == component.n
+    writer = pytest.importorskip("openfast_io.FAST_writer").InputWriter_OpenFAST()
+    writer.fst_vt, writer.FAST_namingOut, writer.FAST_runDirectory = {"ExtPtfm": {"FlexASCII": held}}, "theirs", str(tmp_path)
+    held["WeightStiffness"] = np.eye(component.n)
+    writer.write_Superelement()
+    back = read_component(tmp_path / "theirs_ExtPtfm_SE.dat")
+    assert (back.source["format"], back.source["unused"]) == ("extptfm", ["stiffness of the weight"])
+    for kind in ("mass", "stiffness", "damping"):
+        expected = getattr(component, kind)
+        np.testing.assert_allclose(getattr(back, kind), expected, rtol=1e-8, atol=1e-12 * abs(expected).max())
+
+
+def test_both_layouts_come_back_bit_equal(tmp_path: Path) -> None:
+    component = craig_bampton(chain(), [(1, "123456")], n_modes=4, damping_ratio=0.01)
+    for openfast, unused in ((4, ["load history, 2 times"]), (5, [])):
+        back = read_component(write_component(component, tmp_path / f"v{openfast}.extptfm", openfast=openfast))
+        assert back.source["unused"] == unused
+        for kind in ("mass", "stiffness", "damping"):
+            np.testing.assert_array_equal(getattr(back, kind), getattr(component, kind))
+    with pytest.raises(InputError, match="openfast, the major version, must be a whole number from 2"):
+        write_component(component, tmp_path / "x.extptfm", openfast="5")

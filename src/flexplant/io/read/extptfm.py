@@ -1,7 +1,8 @@
 """OpenFAST ExtPtfm superelements (FlexASCII): one interface node with six DOF, then Craig-Bampton modes. SI.
 
-Lines are known by how they begin: !Dimension, !Mass Matrix, !Stiffness Matrix, !Damping Matrix; a matrix begins two lines
-below its title, blank lines may follow it. The load history is left out; source["unused"] says so.
+Lines are known by how they begin: !Dimension, !Mass Matrix, !Stiffness Matrix, !Damping Matrix; a matrix begins below its title
+(OpenFAST 5) or below the dimension after it (2.3 to 4), blank lines may follow it. The load history, and the weight and its
+stiffness of OpenFAST 5, are left out; source["unused"] says so.
 """
 
 from __future__ import annotations
@@ -20,6 +21,7 @@ from flexplant.model.component import Component
 from flexplant.model.geometry import Nodes
 
 TITLES = {"mass": "!MASS MATRIX", "stiffness": "!STIFFNESS MATRIX", "damping": "!DAMPING MATRIX"}
+WEIGHTS = {"weight": "!WEIGHT CONSTANT", "stiffness of the weight": "!WEIGHT STIFFNESS"}
 INTERFACE = 6
 
 
@@ -46,7 +48,8 @@ def read_component(
         damping=damping if damping is not None and damping.any() else None,
         boundary=[(node, "123456")],  # type: ignore[arg-type]
         nodes=Nodes(ids=np.array([node]), positions=np.array([position], dtype=float)),
-        source=provenance(path, FORMAT.name, __name__) | {"units": "SI", "unused": _load_history(lines)},
+        source=provenance(path, FORMAT.name, __name__)
+        | {"units": "SI", "unused": _weights(path, lines, n) + _load_history(lines)},
     )
 
 
@@ -60,14 +63,22 @@ def _dimension(path: Path, lines: list[str]) -> int:
     raise ReadError(path, "has no !Dimension line")
 
 
-def _matrix(path: Path, lines: list[str], title: str, n: int) -> FloatArray | None:
+def _matrix(path: Path, lines: list[str], title: str, n: int, rows: int | None = None) -> FloatArray | None:
     at = next((i for i, line in enumerate(lines) if line.upper().startswith(title)), None)
     if at is None:
         return None
-    body = lines[at + 2 : at + 2 + n]
-    if len(body) < n:
-        raise ReadError(path, f"{title[1:].lower()} has {len(body)} of {n} rows", record=f"line {at + 1}")
-    return number_table(path, body, n, at + 3)
+    rows = n if rows is None else rows
+    begin = at + 2 if "".join(lines[at + 1 : at + 2]).startswith("!") else at + 1
+    body = lines[begin : begin + rows]
+    if len(body) < rows:
+        raise ReadError(path, f"{title[1:].lower()} has {len(body)} of {rows} rows", record=f"line {at + 1}")
+    return number_table(path, body, n, begin + 1)
+
+
+def _weights(path: Path, lines: list[str], n: int) -> list[str]:
+    """The parts of the weight that are there and not zero."""
+    found = {what: _matrix(path, lines, title, n, 1 if what == "weight" else n) for what, title in WEIGHTS.items()}
+    return [what for what, matrix in found.items() if matrix is not None and matrix.any()]
 
 
 def _load_history(lines: list[str]) -> list[str]:
@@ -87,6 +98,6 @@ FORMAT = Format(
     description="OpenFAST ExtPtfm superelement text (FlexASCII)",
     suffixes=(".extptfm",),
     sniff=sniff,
-    tested_against="the layout of OpenFAST's r-test (5MW_OC4Jckt_ExtPtfm)",
+    tested_against="the layout of OpenFAST's r-test (5MW_OC4Jckt_ExtPtfm), openfast_io 5.0",
     readers={"read_component": read_component},
 )
