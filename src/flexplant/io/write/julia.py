@@ -73,6 +73,6 @@ WRITER = Writer(
     name="julia",
     description="Julia file for ControlSystems.jl",
     suffixes=(".jl",),
-    tested_against="the Julia grammar of tree-sitter; Octave for its arithmetic",
+    tested_against="the parser of Julia 1.13, the Julia grammar of tree-sitter; Octave for its arithmetic",
     writers={"write_plant": write_plant},
 )
