@@ -3,6 +3,7 @@
 import os
 import subprocess
 import sys
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -113,9 +114,9 @@ def test_any_number_of_modes_inputs_and_outputs(n, nu, ny):
         assert error(run.final_state, final) < 1e-12
 
 
-@pytest.mark.parametrize(("still", "moving"), [(1, 0), (6, 0), (0, 1), (3, 2), (2, 4), (7, 0)])
-def test_few_rows_are_summed_in_registers(still, moving):
-    """Any mixture of rows with and without velocities, resumed after any number of samples; seven rows are too many."""
+@pytest.mark.parametrize(("still", "moving"), [(1, 0), (6, 0), (0, 1), (3, 2), (2, 4), (7, 0), (5, 6), (9, 9), (25, 0)])
+def test_rows_are_summed_in_registers(still, moving):
+    """Any mixture of rows with and without velocities, resumed after any number of samples; 25 rows are too many."""
     rng, n, ny = np.random.default_rng(still), 21, still + moving
     plant = ModalPlant(
         omega=np.r_[0.0, rng.uniform(1, 2000, n - 1)],
@@ -136,6 +137,44 @@ def test_few_rows_are_summed_in_registers(still, moving):
     outputs = np.vstack([*parts, runner.last(w[:, -1])]).T
     assert (abs(outputs - expected).max(axis=1) <= 1e-12 * abs(expected).max(axis=1)).all()
     assert error(runner.state, final) < 1e-12
+
+
+@pytest.mark.parametrize("first", [0.0, 1e-70, 1e-12, 1.0])
+def test_a_mode_that_the_first_input_hardly_drives(first):
+    """Modes are counted in what the first input adds to them: nothing, next to nothing, and modes that no input drives."""
+    rng, n = np.random.default_rng(0), 11
+    shape = rng.normal(size=(n, 3))
+    shape[::2, 0] *= first
+    shape[4] = 0.0
+    plant = ModalPlant(
+        omega=np.r_[0.0, rng.uniform(1, 2000, n - 1)], zeta=0.01, shape_in=shape, shape_out=np.eye(n), inputs=list("abc"),
+        outputs=[f"y{k}" for k in range(n)],
+    )  # fmt: skip
+    cascade, w, state = cascade_of(plant), rng.normal(size=(3, 77)), rng.normal(size=2 * n)
+    expected, final = one_by_one(cascade, 1e-3, w, state, "first")
+    run = march(cascade, 1e-3, w, state, "first", engine="fused")
+    assert (abs(run.outputs - expected).max(axis=1) <= 1e-12 * abs(expected).max(axis=1)).all()
+    assert (abs(run.final_state - final) <= 1e-11 * abs(final)).all()
+
+
+@pytest.mark.parametrize("m", [1, 3, 16])
+def test_other_states_move_eight_samples_side_by_side(m):
+    """A block of any size that hears a mode and the inputs, and one that hears the inputs alone."""
+    rng = np.random.default_rng(m)
+    A = rng.normal(size=(m, m)) * 30 - 60 * np.sqrt(m) * np.eye(m)
+    base = cascade_of(
+        ModalPlant(omega=[40.0], zeta=0.0, shape_in=[[1.0, 2.0]], shape_out=[[1.0]], inputs=["a", "b"], outputs=["y"])
+    )
+    for heard in (0.0, 1.0):
+        cascade = replace(
+            base, A=A, from_modes=rng.normal(size=(m, 2)) * heard, B=rng.normal(size=(m, 2)), C=rng.normal(size=(1, m)),
+            other_states=np.arange(2, 2 + m),
+        )  # fmt: skip
+        w, state = rng.normal(size=(2, 101)), rng.normal(size=2 + m)
+        expected, final = one_by_one(cascade, 1e-2, w, state, "first")
+        run = march(cascade, 1e-2, w, state, "first", engine="fused")
+        assert error(run.outputs, expected) < 1e-12
+        assert error(run.final_state, final) < 1e-12
 
 
 def test_rows_that_are_multiples_are_read_once():

@@ -14,11 +14,11 @@ from flexplant.loop.lifted import stepped
 from flexplant.loop.parallel import separated, separation
 from flexplant.loop.recursion import Recursion, Standing
 from flexplant.loop.stepping import Stepper, stepper
-from flexplant.loop.tiled import MOST_REST, Rows, TileSteps
+from flexplant.loop.tiled import MOST_REST, Rows, TileSteps, modes_driven
 from flexplant.model.arrays import FloatArray
 from flexplant.numerics.compiled import numba
 
-CHUNK = 8192  # samples taken at once
+CHUNK = 16384  # samples taken at once
 LARGEST_REST = 64  # other states up to which stepping them one sample at a time is the faster way
 
 
@@ -67,10 +67,12 @@ def steps_of(
     cascade: Cascade, one: Stepper, causal: FloatArray, D: FloatArray, rows: Rows | None, every: int
 ) -> BlockSteps | TileSteps:
     """The steps that keep the rows' sums in registers where there are few rows and each sample is kept, else those in blocks."""
-    if every == 1 and cascade.omega.size and cascade.A.shape[0] <= MOST_REST:
+    n = cascade.omega.size
+    if every == 1 and n and D.shape[1] and cascade.A.shape[0] <= MOST_REST:
         rows = rows or Rows(np.vstack([one.from_modes, cascade.C_modes]))
         if rows.fit:
-            return TileSteps(cascade, one, causal, D, rows)
+            drive = modes_driven(one, cascade.shape_in)
+            return TileSteps(drive, rows, (one.A, causal[:, 2 * n :].T), (cascade.C, D))
     return BlockSteps(cascade, one, causal, D, every)
 
 

@@ -1,60 +1,109 @@
-"""The steps of a cascade whose modes are read by a few distinct rows: what the compiled steps of `tile_steps` need."""
+"""Modes in tiles of samples and the rows that read them: what the compiled steps of `tile_steps` need."""
 
 from __future__ import annotations
 
 import importlib
+from dataclasses import dataclass
 
 import numpy as np
 
-from flexplant.loop.cascade import Cascade
-from flexplant.loop.layout import aligned, shared_rows
+from flexplant.loop.layout import aligned, padded, shared_rows
 from flexplant.loop.stepping import Stepper
-from flexplant.model.arrays import FloatArray
+from flexplant.model.arrays import FloatArray, IntArray
 
 LANES = 8
-MOST_ROWS = 6  # their sums at four samples fit into the registers
+AT_ONCE = 6  # rows whose sums at four samples fit into the registers
+MOST_ROWS = 24  # distinct rows up to which reading the modes tile by tile is the faster way
 MOST_REST = 16  # other states, which are stepped one by one
-LEAST = 1e-150  # stands for a modal force that adds nothing to eta'
+FAINT = 1e-60  # stands for an effect of nothing, relative to the largest one
+LEAST = 1e-150  # the unit of a mode that no input drives
+
+
+@dataclass(frozen=True, eq=False)
+class Drive:
+    """How n modes move: [eta, eta'][k+1] = F [eta, eta'][k] + G w[k], counted in what w[0] adds to eta'.
+
+    table: (., n) F00, F01, F10, F11, what the first input adds to eta, what the others add to eta', and, if `twofold`, to eta;
+    else every input adds to eta in the ratio of the first. unit: (n,).
+    """
+
+    table: FloatArray
+    unit: FloatArray
+    twofold: bool
+
+
+def modes_driven(one: Stepper, shape_in: FloatArray) -> Drive:
+    """Modes under a modal force shape_in w: every input drives a mode by the same b."""
+    hold, ramp = one.forced
+    b = hold - ramp + np.einsum("nij,nj->ni", one.modes, ramp)
+    through = _not_zero(b[:, 1], abs(b[:, 0]))
+    first = _not_zero(shape_in[:, 0], abs(shape_in).max(axis=1))
+    table = np.vstack([one.modes.reshape(-1, 4).T, b[:, 0] / through, shape_in[:, 1:].T / first])
+    return Drive(table, np.where(shape_in.any(axis=1), through * first, LEAST), twofold=False)
+
+
+def blocks_driven(transition: FloatArray, G: FloatArray) -> Drive:
+    """Blocks of two states, transition (n, 2, 2), under any G (n, 2, nw)."""
+    unit = _not_zero(G[:, 1, 0], abs(G).max(axis=(1, 2)))
+    scaled = G / unit[:, None, None]
+    table = np.vstack([transition.reshape(-1, 4).T, scaled[:, 0, 0], scaled[:, 1, 1:].T, scaled[:, 0, 1:].T])
+    return Drive(table, unit, twofold=True)
+
+
+def _not_zero(values: FloatArray, largest: FloatArray) -> FloatArray:
+    """The values, or where they are nothing beside the largest, what is nothing beside it and can be divided by."""
+    least = np.where(largest > 0, FAINT * largest, 1.0)
+    return np.where(abs(values) > least, values, least)
 
 
 class TileSteps:
-    """x[k+1] = F x[k] + G w[k] and z = C x + D w. causal: G transposed; rows: the distinct ones of [from_modes; C_modes].
+    """[eta, eta'][k+1] = F [eta, eta'][k] + G w[k];  l[k+1] = A l + P [eta, eta'] + into w;  z = Cm [eta, eta'] + C l + D w.
 
-    Rows that are multiples of each other are summed over the modes once; the other states and the outputs are combined from them.
+    rows: those of P and of Cm. Rows that are multiples of each other are summed over the modes once; the other states l and the
+    outputs are combined from them.
     """
 
-    def __init__(self, cascade: Cascade, one: Stepper, causal: FloatArray, D: FloatArray, rows: Rows) -> None:
-        n, m, nw = cascade.omega.size, cascade.A.shape[0], cascade.B.shape[1]
-        self.n, self.m, self.groups, self.rows = n, m, -(-n // LANES), rows
-        self._packed = self._pack(cascade, one)
-        self._x = aligned((self.groups, 2, LANES))
-        self._into = np.hstack([rows.weights[:m], causal[:, 2 * n :].T])
-        self._weights = np.hstack([rows.weights[m:], cascade.C, D])
-        block = importlib.import_module("flexplant.loop.tile_steps").BLOCK
-        self._Z, self._G = aligned((rows.weights.shape[1] + m, block)), aligned((m, block))
-        self._A, self._rest, self._tail = np.ascontiguousarray(one.A), np.zeros(2 * m), np.zeros((nw, LANES))
-        self._last = np.zeros((D.shape[0], LANES))
+    def __init__(
+        self, drive: Drive, rows: Rows, rest: tuple[FloatArray, FloatArray], reading: tuple[FloatArray, FloatArray]
+    ) -> None:
+        """rest: A (m, m) and into (m, nw). reading: C (nz, m) and D (nz, nw)."""
+        (A, into), (C, D), weights = rest, reading, rows.placed
+        self._n, self._m, self._unit, self._groups = drive.unit.size, len(A), drive.unit, -(-drive.unit.size // LANES)
+        block = int(importlib.import_module("flexplant.loop.tile_steps").BLOCK)
+        table = self._lanes(drive.table, self._groups + self._groups % 2)
+        self._x, seen = (aligned((len(table), k, LANES)) for k in (2, 8))
+        self._modes = (table, self._x, seen, (0,) * drive.twofold)
+        self._rows = (self._packed(rows), *((0,) * size for size in rows.at_once))
+        self._Z = aligned((weights.shape[1] + self._m, block + LANES))
+        self._rest = self._Z[weights.shape[1] :, 0]
+        heard = weights[: self._m]
+        self._other = _rest_layout(A, np.hstack([heard, into]) if heard.any() else into, block)
+        self._reading = np.hstack([weights[self._m :], C, D]), self._Z
+        self._tail, self._last = np.zeros((into.shape[1], LANES)), np.zeros((len(D), LANES))
 
-    def _pack(self, cascade: Cascade, one: Stepper) -> FloatArray:
-        """(groups, ., 8) what eight modes need, in the order in which it is used."""
-        hold, ramp = one.forced
-        n, rows, nw = self.n, self.rows, cascade.shape_in.shape[1]
-        b = hold - ramp + np.einsum("nij,nj->ni", one.modes, ramp)
-        through = np.where(abs(b[:, 1]) < LEAST, LEAST, b[:, 1])
-        out = aligned((self.groups, 5 + nw + len(rows.still) + 2 * len(rows.both), LANES))
-        each = np.zeros((out.shape[1], self.groups * LANES))
-        parts = (one.modes.reshape(-1, 4).T, [b[:, 0] / through], cascade.shape_in.T * through)
-        each[:, :n] = np.vstack([*parts, rows.still, rows.both[:, :n], rows.both[:, n:]])
-        out[:] = each.reshape(-1, self.groups, LANES).swapaxes(0, 1)
+    def _lanes(self, table: FloatArray, groups: int) -> FloatArray:
+        """(groups, . * 8) of a table (., n)."""
+        each = padded(table, (len(table), groups * LANES))
+        out = aligned((groups, len(table), LANES))
+        out[:] = each.reshape(-1, groups, LANES).swapaxes(0, 1)
+        return out.reshape(groups, -1)
+
+    def _packed(self, rows: Rows) -> FloatArray:
+        """(passes, groups, .) rows as they are read."""
+        n = self._n
+        still, both = (part.reshape(rows.passes, -1, part.shape[1]) for part in (rows.still, rows.both))
+        out = aligned((rows.passes, self._groups, LANES * (still.shape[1] + 2 * both.shape[1])))
+        for turn in range(rows.passes):
+            out[turn] = self._lanes(np.vstack([still[turn], both[turn][:, :n], both[turn][:, n:]]) * self._unit, self._groups)
         return out
 
     def advance(self, state: FloatArray, w: FloatArray, first: int, count: int, out: FloatArray, place: int) -> FloatArray:
         """The state after `count` samples of w (nw, .) from `first` on; writes the outputs into out[:, place:]."""
-        n, m, x = self.n, self.m, self._x
-        flat = np.zeros((2, self.groups * LANES))
-        flat[:, :n] = state[: 2 * n].reshape(2, n)
+        n, x = self._n, self._x
+        flat = np.zeros((2, len(x) * LANES))
+        flat[:, :n] = state[: 2 * n].reshape(2, n) / self._unit
         x[:] = flat.reshape(2, -1, LANES).swapaxes(0, 1)
-        self._rest[:m] = state[2 * n :]
+        self._rest[:] = state[2 * n :]
         whole = count // LANES * LANES
         self._march(w, first, out, place, whole, whole)
         if whole < count:
@@ -62,21 +111,30 @@ class TileSteps:
             self._tail[:, :left] = w[:, first + whole : first + count]
             self._march(self._tail, 0, self._last, 0, LANES, left)
             out[:, place + whole : place + count] = self._last[:, :left]
-        flat = x.swapaxes(0, 1).reshape(2, -1)
-        return np.concatenate([flat[0, :n], flat[1, :n], self._rest[:m]])
+        flat = x.swapaxes(0, 1).reshape(2, -1)[:, :n] * self._unit
+        return np.concatenate([flat[0], flat[1], self._rest])
 
     def _march(self, w: FloatArray, first: int, out: FloatArray, place: int, count: int, valid: int) -> None:
         march = importlib.import_module("flexplant.loop.tile_steps").tile_march
-        counts = (0,) * len(self.rows.still), (0,) * len(self.rows.both)
-        packed = self._packed.reshape(self.groups, -1)
-        rest = (self._A, self._into, self._rest)
-        march(packed, self._x, *counts, *rest, self._weights, self._Z, self._G, w, first, out, place, count, valid)
+        march(self._modes, self._rows, self._other, self._reading, w, first, out, place, count, valid)
+
+
+def _rest_layout(A: FloatArray, into: FloatArray, block: int) -> tuple[FloatArray, ...]:
+    """into; A, A^2 and A^4; A^1 to A^8 as lanes; scratch."""
+    powers = [A]
+    for _ in range(LANES - 1):
+        powers.append(A @ powers[-1])
+    free, doubled = np.ascontiguousarray(np.stack(powers, axis=-1)), np.stack([powers[k] for k in (0, 1, 3)])
+    scratch = aligned((2, len(A), block))
+    return np.ascontiguousarray(into), doubled, free, scratch[0], scratch[1]
 
 
 class Rows:
     """Sums of rows on [eta, eta'] as combinations, weights (k, distinct), of distinct ones: first those that read eta alone.
 
-    terms: each (k, 2n). still: (p, n), both: (s, 2n), of each an even number, zeros where there is no further row.
+    terms: each (k, 2n). still: (p, n), both: (s, 2n), of each an even number for each pass over the modes, zeros where there is
+    no further row. at_once: rows of either kind in a pass. placed: the weights on the rows as the passes sum them, one after the
+    other: still ones, then the others of the same pass.
     """
 
     def __init__(self, *terms: FloatArray) -> None:
@@ -84,12 +142,24 @@ class Rows:
         share, row, chosen = shared_rows(rows)
         distinct = rows[chosen]
         moving = distinct[:, n:].any(axis=1)
-        self.still, self.both = _even(distinct[~moving][:, :n]), _even(distinct[moving])
-        place = np.where(moving, len(self.still) + np.cumsum(moving) - 1, np.cumsum(~moving) - 1)
-        weights = np.zeros((len(rows), len(self.still) + len(self.both)))
+        still, both = distinct[~moving][:, :n], distinct[moving]
+        self.passes = next(k for k in range(1, len(distinct) + 2) if _even(len(still), k) + _even(len(both), k) <= AT_ONCE)
+        self.at_once = _even(len(still), self.passes), _even(len(both), self.passes)
+        self.still, self.both = (
+            np.vstack([part, np.zeros((size * self.passes - len(part), part.shape[1]))])
+            for part, size in zip((still, both), self.at_once, strict=True)
+        )
+        place = np.where(moving, self._places(1)[np.cumsum(moving) - 1], self._places(0)[np.cumsum(~moving) - 1])
+        weights = np.zeros((len(rows), self.passes * sum(self.at_once)))
         read = share != 0
         weights[np.flatnonzero(read), place[row[read]]] = share[read]
-        self.weights = weights.reshape(len(terms), -1, weights.shape[1]).sum(axis=0)
+        self.placed = weights.reshape(len(terms), -1, weights.shape[1]).sum(axis=0)
+
+    def _places(self, kind: int) -> IntArray:
+        """Where the sums of the rows of one kind stand; a last place for no row."""
+        size, width = self.at_once[kind], sum(self.at_once)
+        places = [turn * width + kind * self.at_once[0] + k for turn in range(self.passes) for k in range(size)]
+        return np.array([*places, 0], dtype=np.int64)
 
     @property
     def cost(self) -> int:
@@ -98,9 +168,11 @@ class Rows:
 
     @property
     def fit(self) -> bool:
-        """True where the sums stay in registers."""
+        """True where reading them tile by tile is the faster way."""
         return 0 < len(self.still) + len(self.both) <= MOST_ROWS
 
 
-def _even(rows: FloatArray) -> FloatArray:
-    return np.vstack([rows, np.zeros((len(rows) % 2, rows.shape[1]))])
+def _even(rows: int, passes: int) -> int:
+    """Rows in each of the passes: an even number."""
+    each = -(-rows // passes)
+    return each + each % 2

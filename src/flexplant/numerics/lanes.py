@@ -86,6 +86,14 @@ def zero(_):
     return lanes(), lambda *_: ir.Constant(VECTOR, [0.0] * WIDTH)
 
 
+@intrinsic(prefer_literal=True)
+def delayed(_, a, steps):
+    """The lanes moved on by a number of places known when compiled, zeros before them."""
+    places = range(WIDTH - steps.literal_value, 2 * WIDTH - steps.literal_value)
+    none = ir.Constant(VECTOR, [0.0] * WIDTH)
+    return lanes(lanes, steps), lambda context, builder, signature, arguments: shuffled(builder, none, arguments[0], places)
+
+
 @intrinsic
 def times(_, a, b):
     """a b."""
