@@ -108,7 +108,7 @@ def test_bad_sample_times(dt):
 
 
 def test_bad_holds_and_discrete_plants():
-    with pytest.raises(InputError, match=r"unknown hold 'firs'.*'first'"):
+    with pytest.raises(InputError, match=r"hold='firs' is not a choice.*'first'"):
         discretize(modal(), DT, hold="firs")
     with pytest.raises(InputError, match="discrete already"):
         discretize(discretize(modal(), DT), DT)

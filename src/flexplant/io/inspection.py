@@ -8,6 +8,7 @@ from typing import Any
 
 from flexplant.errors import InputError, PlausibilityWarning, ReadError
 from flexplant.io.output import read_plant, write_component, write_model, write_plant
+from flexplant.io.parse.files import as_path
 from flexplant.io.parse.own_plant import Plant
 from flexplant.io.plausibility import Model, first_frequencies, plausibility, quantities
 from flexplant.io.registry import Units, read_component, read_geometry, read_model, recognise
@@ -52,7 +53,7 @@ def convert(
     format, units, name: for reading. write_options: of the written format, such as dt for C source.
     Raises ReadError for what cannot be read, InputError where the target cannot hold it or is the file itself.
     """
-    if Path(target).resolve() == Path(path).resolve():
+    if as_path(target).resolve() == as_path(path).resolve():
         raise InputError(f"{path} is that file already; name another target")
     options = {} if name is None else {"name": name}
     value = read_any(path, format=format, units=units, **options)

@@ -13,8 +13,9 @@ from pathlib import Path
 from typing import Any
 
 import flexplant.io.write
-from flexplant.errors import InputError, ReadError, nearest
+from flexplant.errors import InputError, ReadError, expect
 from flexplant.io.formats import Writer
+from flexplant.io.options import check_options
 from flexplant.io.parse.files import as_path, checked_file, read_head
 from flexplant.io.parse.h5 import SIGNATURE, read_h5
 from flexplant.io.parse.mat5 import read_mat, read_mat_texts
@@ -52,12 +53,10 @@ def _write(what: str, value: Any, path: str | Path, options: dict[str, Any]) -> 
     path = as_path(path)
     chosen = chosen_writer(what, path)
     writer = chosen.writers[what]
-    known = [p.name for p in inspect.signature(writer).parameters.values() if p.kind is p.KEYWORD_ONLY]
-    for option in options:
-        if option not in known or option == "target":
-            raise InputError(f"format {chosen.name!r} has no option {option!r}." + nearest(option, set(known) - {"target"}))
+    check_options(writer, options, f"format {chosen.name!r}", hidden="target")
+    own_path = {"target": path} if "target" in inspect.signature(writer).parameters else {}
     with replacing(path) as work:
-        writer(value, work, **options, **({"target": path} if "target" in known else {}))
+        writer(value, work, **options, **own_path)
     return path
 
 
@@ -68,13 +67,15 @@ def write_component(component: Component, path: str | Path, **options: Any) -> P
     ending, and for structural damping and interior DOF where the format has no place for them, WriteError naming the folder
     that cannot be written.
     """
+    expect(component, Component, "write_component", "read_component gives one, craig_bampton reduces a model to one")
+    chosen_writer("write_component", as_path(path))  # an ending that no format has is the first thing to say
     _refuse_loss(component, as_path(path))
     return _write("write_component", component, path, options)
 
 
 def _refuse_loss(component: Component, path: Path) -> None:
     """InputError where a format other than our own would leave out a part of the component without a word."""
-    if path.suffix.lower() in OWN or not isinstance(component, Component):
+    if path.suffix.lower() in OWN:
         return
     if component.structural_damping is not None:
         raise InputError(
@@ -90,6 +91,7 @@ def _refuse_loss(component: Component, path: Path) -> None:
 
 def write_model(model: FiniteElementModel, path: str | Path, **options: Any) -> Path:
     """Write a finite-element model to `.npz` or `.h5` and return the path; errors as `write_component`."""
+    expect(model, FiniteElementModel, "write_model", "read_model gives one from a file")
     return _write("write_model", model, path, options)
 
 

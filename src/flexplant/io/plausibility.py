@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from flexplant.errors import InputError, PlausibilityWarning, SolverError
+from flexplant.errors import InputError, PlausibilityWarning, SolverError, expect
 from flexplant.io.parse.files import one_line
 from flexplant.model.component import Component, FiniteElementModel
 from flexplant.model.geometry import rigid_body_vectors
@@ -97,8 +97,12 @@ def first_frequencies(model: Model, count: int) -> list[float]:
 
 def plausibility(model: Model, found: Quantities | None = None) -> list[str]:
     """A sentence for each quantity outside the range of structures, taking the numbers as SI; empty if all is plausible."""
+    if not isinstance(model, Model):
+        raise InputError(f"plausibility looks at a Component or FiniteElementModel, got {type(model).__name__}")
+    found = quantities(model) if found is None else found
+    expect(found, Quantities, "plausibility: found", "leave it out")
     out = []
-    for name, value in _unusual(found or quantities(model)):
+    for name, value in _unusual(found):
         low, high, unit = RANGES[name]
         out.append(
             f"{name} {value:.4g} {unit} is outside {low:g} to {high:g} {unit}; is {model.source.get('units', 'SI')!r} "

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from flexplant.errors import InputError, ReadError
-from flexplant.io.parse.files import one_line
+from flexplant.io.parse.files import as_path, one_line
 from flexplant.io.parse.number_text import integers, read_lines
 from flexplant.model.arrays import FloatArray
 from flexplant.verification import Reference
@@ -68,7 +68,7 @@ def read_reference(path: str | Path, *, component: str | None = None) -> Referen
     Shapes are the real parts of three or six values a node. Raises ReadError where there is no dataset 55 of modes, or where
     its modes have different nodes.
     """
-    path = Path(path)
+    path = as_path(path)
     modes = [_mode(path, s) for s in sections(path) if s.number == "55"]
     if not modes:
         raise ReadError(path, "has no dataset 55 (mode shapes)")
@@ -87,7 +87,7 @@ def read_reference(path: str | Path, *, component: str | None = None) -> Referen
 
 def read_response_functions(path: str | Path) -> list[ResponseFunction]:
     """All functions of dataset 58; ReadError for binary ones and for counts that do not fit."""
-    path = Path(path)
+    path = as_path(path)
     found = [s for s in sections(path) if s.number.startswith("58")]
     if any(s.number != "58" for s in found):
         raise ReadError(path, "has binary datasets 58b; export them as ASCII (58)")

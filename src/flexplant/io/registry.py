@@ -6,7 +6,6 @@ Every module of `flexplant.io.read` that defines `FORMAT` is a format; nothing e
 from __future__ import annotations
 
 import importlib
-import inspect
 import pkgutil
 from dataclasses import replace
 from functools import cache
@@ -18,6 +17,7 @@ import numpy as np
 import flexplant.io.read
 from flexplant.errors import InputError, ModelError, ReadError, nearest
 from flexplant.io.formats import Format
+from flexplant.io.options import check_options
 from flexplant.io.parse.files import as_path, checked_file, exists, one_line, read_head
 from flexplant.io.plausibility import warn_if_implausible
 from flexplant.model.component import Component, FiniteElementModel
@@ -55,8 +55,8 @@ def recognise(path: str | Path, wanted: str | None = None, what: str = "read_com
     able = {name: f for name, f in formats().items() if what in f.readers}
     path = _resolved(path, list(able.values()))
     if wanted is not None:
-        if wanted not in able:
-            raise ReadError(path, f"no format {wanted!r} for {what}." + nearest(wanted, able))
+        if not isinstance(wanted, str) or wanted not in able:
+            raise ReadError(path, f"no format {wanted!r:.60} for {what}." + nearest(wanted, able))
         return path, able[wanted]
     head = read_head(path)
     matching = [f for f in able.values() if f.sniff(head, path)]
@@ -73,10 +73,7 @@ def recognise(path: str | Path, wanted: str | None = None, what: str = "read_com
 def _read(what: str, path: str | Path, wanted: str | None, options: dict[str, Any]) -> Any:
     path, found = recognise(path, wanted, what)
     reader = found.readers[what]
-    known = [p.name for p in inspect.signature(reader).parameters.values() if p.kind is p.KEYWORD_ONLY]
-    for option in options:
-        if option not in known:
-            raise InputError(f"format {found.name!r} has no option {option!r}." + nearest(option, known))
+    check_options(reader, options, f"format {found.name!r}")
     try:
         with np.errstate(
             over="ignore", invalid="ignore"

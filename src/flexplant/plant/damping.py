@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from flexplant.errors import InputError, nearest
+from flexplant.errors import expect_choice
 from flexplant.model.arrays import FloatArray
 from flexplant.model.damping import DampingRatio, damping_ratios
 
@@ -33,8 +33,7 @@ def ratio_damping(ratio: DampingRatio, omega: FloatArray) -> ModalDamping:
 
 def check_choice(choice: object) -> None:
     """InputError unless `choice` says what to do with damping that couples modes."""
-    if not isinstance(choice, str) or choice not in CHOICES:
-        raise InputError(f"off_diagonal_damping={choice!r:.60} is not a choice." + nearest(str(choice), CHOICES))
+    expect_choice(choice, CHOICES, "off_diagonal_damping")
 
 
 def projected_damping(damping: Any, shapes: FloatArray, omega: FloatArray, choice: str) -> ModalDamping:

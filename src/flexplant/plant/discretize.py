@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.linalg
 
-from flexplant.errors import InputError, nearest
-from flexplant.model.arrays import FloatArray
+from flexplant.errors import InputError, expect_choice
+from flexplant.model.arrays import FloatArray, is_finite
 from flexplant.plant.modal import ModalPlant
 from flexplant.plant.state_space import Descriptor, StateSpace, channels_of, output_rows, state_space
 
@@ -45,14 +45,13 @@ def discretize(plant: ModalPlant | StateSpace | Descriptor, dt: float, *, hold: 
 
 
 def _checked_dt(dt: float) -> float:
-    if isinstance(dt, bool) or not isinstance(dt, (int, float, np.number)) or not 0 < float(dt) < np.inf:
-        raise InputError(f"dt = {dt!r}: the sample time must be a positive, finite number of seconds")
+    if not (is_finite(dt) and dt > 0):
+        raise InputError(f"dt = {dt!r:.60}: the sample time must be a positive, finite number of seconds")
     return float(dt)
 
 
 def _check_hold(hold: str) -> None:
-    if hold not in HOLDS:
-        raise InputError(f"unknown hold {hold!r}." + nearest(str(hold), HOLDS))
+    expect_choice(hold, HOLDS, "hold")
 
 
 def step_of(system: StateSpace, dt: float, hold: str) -> Step:

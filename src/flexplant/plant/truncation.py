@@ -8,8 +8,8 @@ import numpy as np
 import numpy.typing as npt
 import scipy.linalg
 
-from flexplant.errors import InputError, expect, expect_count, nearest
-from flexplant.model.arrays import FloatArray, is_number
+from flexplant.errors import InputError, expect, expect_choice, expect_count
+from flexplant.model.arrays import FloatArray, checked_switch, is_number
 from flexplant.plant.balanced import gramian_singular_values, gramians
 from flexplant.plant.modal import ModalPlant
 from flexplant.plant.state_space import StateSpace, state_space
@@ -114,6 +114,7 @@ def reduce_modes(
     """
     expect(plant, ModalPlant, "reduce_modes", "modal_plant(system, ...) makes one")
     _check_request(plant, tolerance, keep, measure)
+    checked_switch(static_correction, "reduce_modes: static_correction")
     values = peak_gains(plant) if measure == "peak" else hankel_singular_values(plant)
     flexible = np.flatnonzero(plant.omega > 0)
     order = flexible[np.argsort(values[flexible], kind="stable")]
@@ -138,13 +139,12 @@ def _check_request(plant: ModalPlant, tolerance: float | None, keep: int | None,
     if (tolerance is None) == (keep is None):
         raise InputError("reduce_modes: give either tolerance or keep")
     if tolerance is not None and not (is_number(tolerance) and 0 <= tolerance < np.inf):
-        raise InputError(f"reduce_modes: tolerance must be finite and not negative, got {tolerance!r}")
+        raise InputError(f"reduce_modes: tolerance must be finite and not negative, got {tolerance!r:.60}")
     if keep is not None:
         expect_count(keep, "reduce_modes: keep")
     if keep is not None and keep > plant.n_modes - plant.n_rigid:
         raise InputError(f"reduce_modes: keep = {keep!r}, but the plant has {plant.n_modes - plant.n_rigid} flexible modes")
-    if not isinstance(measure, str) or measure not in MEASURES:
-        raise InputError(f"reduce_modes: unknown measure {measure!r}." + nearest(str(measure), MEASURES))
+    expect_choice(measure, MEASURES, "reduce_modes: measure")
 
 
 def _error_bound(plant: ModalPlant, reduced: ModalPlant, dropped: npt.NDArray[np.int64], static: bool) -> float:

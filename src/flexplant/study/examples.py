@@ -11,8 +11,8 @@ EXAMPLES = {"shocksat": "examples/shocksat/data"}
 
 def example_study(name: str) -> Path:
     """The study file of an example; StudyError names the known ones, or the places where it should have been."""
-    if name not in EXAMPLES:
-        raise StudyError(f"there is no example {name!r}." + nearest(name, EXAMPLES))
+    if not isinstance(name, str) or name not in EXAMPLES:
+        raise StudyError(f"there is no example {name!r:.60}." + nearest(name, EXAMPLES))
     package = Path(__file__).resolve().parents[1]
     places = [package / "_examples" / name, package.parents[1] / EXAMPLES[name]]
     for folder in places:

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from flexplant.errors import ReadError
+from flexplant.errors import InputError, ReadError
 from flexplant.io.parse.files import checked_file, one_line
 
 REAL, IMAGINARY, JSON_LIST = "__real", "__imag", "flexplant_json"
@@ -20,6 +20,8 @@ REAL, IMAGINARY, JSON_LIST = "__real", "__imag", "flexplant_json"
 
 def storable(results: xr.Dataset | xr.DataArray) -> xr.Dataset:
     """A data set with real variables and plain attributes only."""
+    if not isinstance(results, (xr.Dataset, xr.DataArray)):
+        raise InputError(f"write_results takes a Dataset or DataArray, as simulate gives one, got {type(results).__name__}")
     data = results.to_dataset(name=results.name or "value") if isinstance(results, xr.DataArray) else results
     out = data.copy()
     for name, variable in data.data_vars.items():

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from flexplant.errors import InputError, nearest
+from flexplant.errors import InputError, expect_choice
 from flexplant.io.formats import Writer
 from flexplant.io.parse.own_plant import Plant
 from flexplant.io.write.atomic import replacing
@@ -47,8 +47,7 @@ def c_files(plant: Plant, dt: float | None, prefix: str, header_name: str, hold:
     """Text of the header and of the source."""
     form = export_form(plant)
     step = _sample_time(plant, dt)
-    if hold not in HOLDS:
-        raise InputError(f"unknown hold {hold!r}." + nearest(str(hold), HOLDS))
+    expect_choice(hold, HOLDS, "hold")
     if form.dt is not None and hold != "zero":
         raise InputError(f"plant {plant.name!r} is discrete, so its inputs are held; leave out hold={hold!r}")
     if isinstance(plant, ModalPlant) and plant.damping is None:
@@ -70,7 +69,7 @@ def c_files(plant: Plant, dt: float | None, prefix: str, header_name: str, hold:
 def _sample_time(plant: Plant, dt: float | None) -> float:
     own = plant.dt if isinstance(plant, StateSpace) else None
     if own is not None and dt is not None and abs(own - dt) > 1e-12 * own:
-        raise InputError(f"plant {plant.name!r} is discrete with dt = {own} s, so it cannot be written for dt = {dt} s")
+        raise InputError(f"plant {plant.name!r} is discrete with dt = {own} s, so it cannot be written for dt = {dt!r:.60} s")
     chosen = own or dt
     if chosen is None:
         raise InputError("C source runs at a fixed step: give dt= (or --dt) in seconds, for example dt=1e-4")

@@ -45,8 +45,8 @@ def write_plant(
     is found (the sources are there either way, and importers can compile them).
     Raises InputError for other plants and choices, WriteError where a binary was asked for and cannot be made.
     """
-    if version not in VERSIONS:
-        raise InputError(f"version={version!r}: FMUs are written for FMI 2.0 or 3.0; pass version=2 or version=3")
+    if not isinstance(version, int) or version not in VERSIONS:
+        raise InputError(f"version={version!r:.60}: FMUs are written for FMI 2.0 or 3.0; pass version=2 or version=3")
     if dt is not None and not 0 < dt < float("inf"):
         raise InputError(f"dt = {dt!r}: the communication step to suggest must be a positive number of seconds")
     form = export_form(plant)
