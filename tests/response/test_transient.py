@@ -140,5 +140,5 @@ def test_bad_time_and_inputs(time, inputs, message):
 def test_bad_state_and_hold():
     with pytest.raises(InputError, match="12 finite numbers"):
         simulate(modal(), [0.0, 0.1], initial_state=[1.0])
-    with pytest.raises(InputError, match="hold=.* is not a choice"):
+    with pytest.raises(InputError, match="is not a choice"):
         simulate(modal(), [0.0, 0.1], hold="second")
