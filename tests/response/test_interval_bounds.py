@@ -68,19 +68,6 @@ def test_the_curvature_bound_holds_and_is_not_wasteful(zeta, kind, high):
         assert axis.curvatures(at, at)[0] < 10 * np.linalg.norm(found)
 
 
-@pytest.mark.parametrize("high", [False, True])
-def test_compiled_and_numpy_curvatures_agree(high):
-    plant = modal(30, zeta=np.linspace(0.001, 1.5, 30), kinds=KINDS)
-    t = ModalAxis(plant, 1000.0, high)._tables
-    a = np.linspace(0, 0.8, 50) * (1e-3 if high else 1000.0)
-    b = a * 1.2
-    found = [(np.zeros(50), np.zeros(50, dtype=np.int64)) for _ in range(2)]
-    for function, (bound, pole) in zip((modal_bound.curvature, modal_bound._curvature_numpy), found, strict=True):
-        function(a, b, t["place"], t["first"], t["second"], t["constant"], t["rate"], high, bound, pole)
-    assert np.allclose(found[0][0], found[1][0], rtol=1e-12)
-    assert (found[0][1] == found[1][1]).all()
-
-
 @pytest.mark.parametrize("seed", range(4))
 @pytest.mark.parametrize("zeta", [1e-6, 1e-3, 0.05, 0.6, 1.0, 3.0])
 @pytest.mark.parametrize("kinds", [("shape_out",), ("shape_out_velocity",), ("shape_out_acceleration",), KINDS])
@@ -247,3 +234,25 @@ def test_the_bound_of_a_light_pole_holds_up_to_the_edge_of_the_upper_axis():
     bound = axis.curvatures(end, end)[0]
     assert exact <= bound * (1 + 1e-4)
     assert axis.curvatures(end, end)[0] < 2 * exact
+
+
+@pytest.mark.parametrize("high", [False, True])
+@pytest.mark.parametrize("kinds", [("shape_out",), KINDS])
+def test_bounds_shared_by_neighbouring_intervals_cover_those_of_each_alone(kinds, high):
+    """The compiled sums take modes far from sixteen intervals together: not below each interval's own bound, and not twice it."""
+    axis = ModalAxis(modal(60, kinds=kinds), 1000.0, high)
+    rng = np.random.default_rng(0)
+    ends = np.unique(np.r_[axis.points, rng.uniform(0, axis.points[-1], 300)])
+    for a, b in ((ends[:-1], ends[1:]), (ends[5:6], ends[6:7]), (ends[40:53], ends[41:54])):
+        found, entries = [axis.curvatures(a, b)], [axis.entry_curvatures(a, b)]
+        for form in ("fallback", "loops"):
+            with pytest.MonkeyPatch.context() as patch:
+                patch.setattr(modal_bound, "curvature", getattr(modal_bound.curvature, form))
+                patch.setattr(modal_bound, "entry_curvature", getattr(modal_bound.entry_curvature, form))
+                found.append(axis.curvatures(a, b))
+                entries.append(axis.entry_curvatures(a, b))
+        for shared, alone, plain in ([bound for bound, _ in found], entries):
+            assert shared == pytest.approx(plain, rel=1e-12)
+            assert (shared >= alone * (1 - 1e-12)).all()
+            assert (shared <= 2 * alone).all()
+        assert (found[0][1] == found[1][1]).mean() > 0.9

@@ -8,8 +8,8 @@ poles in t. Over an interval each factor is bounded by its distance d1, d2 from 
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import TypeAlias
 
 import numpy as np
@@ -20,33 +20,52 @@ from flexplant.numerics.compiled import Kernel
 from flexplant.plant.modal import ModalPlant
 from flexplant.plant.state_space import output_rows
 from flexplant.response.interval_bound import towards
-from flexplant.response.modal_sum import modal_response
+from flexplant.response.modal_sum import ModalResponse
 from flexplant.response.singular import largest_singular_values
 
 ComplexArray: TypeAlias = npt.NDArray[np.complex128]
 CHUNK = 1 << 20  # entries of the tables that numpy takes at a time
+TOGETHER = 16  # intervals that share the bound of what is far from them,
+AWAY = 4.0  # farther than this times their length together
 
 
 def _curvature_loops(a, b, place, first, second, constant, rate, high, bound, pole):  # type: ignore[no-untyped-def]
-    """bound (nt,) and the largest contributor pole (nt,); place, first, second: |Re z|, |Im z1|, |Im z2| of each mode in t."""
-    for k in range(a.size):
-        total, largest = 0.0, -1.0
+    """bound (nt,) and the largest contributor pole (nt,); place, first, second: |Re z|, |Im z1|, |Im z2| of each mode in t.
+
+    The bounds of modes far from TOGETHER neighbouring intervals hold for all of these.
+    """
+    largest = np.empty(TOGETHER)
+    for start in range(0, a.size, TOGETHER):
+        stop = min(start + TOGETHER, a.size)
+        low, top = a[start:stop].min(), b[start:stop].max()
+        far, farthest = 0.0, -1.0
+        largest[:], bound[start:stop], nearby = -1.0, 0.0, 0
         for i in range(place.size):
-            gap = max(a[k] - place[i], place[i] - b[k], 0.0)
-            far = a[k] + place[i]
-            u = 1 / np.sqrt(gap * gap + first[i] * first[i])
-            v = 1 / np.sqrt(far * far + second[i] * second[i])
-            p, r, t = constant[i], rate[i], b[k]
-            if high:
-                n0, n1, n2 = t * np.sqrt(p * p * t * t + r * r), np.sqrt(4 * p * p * t * t + r * r), 2 * p
-            else:
-                n0, n1, n2 = np.sqrt(p * p + r * r * t * t), r, 0.0
-            term = u * v * (2 * n0 * (u * u + u * v + v * v) + 2 * n1 * (u + v) + n2)
-            total += term
-            if term > largest:
-                largest = term
-                pole[k] = i
-        bound[k] = total
+            gap = max(low - place[i], place[i] - top, 0.0)
+            alone = gap < AWAY * (top - low) or stop == start + 1
+            for k in range(start, stop if alone else start + 1):
+                begin, t = (a[k], b[k]) if alone else (low, top)
+                gap = max(begin - place[i], place[i] - t, 0.0)
+                reach, p, r = begin + place[i], constant[i], rate[i]
+                u = 1 / np.sqrt(gap * gap + first[i] * first[i])
+                v = 1 / np.sqrt(reach * reach + second[i] * second[i])
+                if high:
+                    n0, n1, n2 = t * np.sqrt(p * p * t * t + r * r), np.sqrt(4 * p * p * t * t + r * r), 2 * p
+                else:
+                    n0, n1, n2 = np.sqrt(p * p + r * r * t * t), r, 0.0
+                term = u * v * (2 * n0 * (u * u + u * v + v * v) + 2 * n1 * (u + v) + n2)
+                if alone:
+                    bound[k] += term
+                    if term > largest[k - start]:
+                        largest[k - start], pole[k] = term, i
+                else:
+                    far += term
+                    if term > farthest:
+                        farthest, nearby = term, i
+        for k in range(start, stop):
+            bound[k] += far
+            if farthest > largest[k - start]:
+                pole[k] = nearby
 
 
 def _curvature_numpy(
@@ -75,6 +94,64 @@ def _curvature_numpy(
 
 
 curvature = Kernel(_curvature_loops, _curvature_numpy)
+
+
+def _entry_loops(a, b, place, first, second, position, velocity, high, out):  # type: ignore[no-untyped-def]
+    """out (nt, ne): bounds of every entry; those of modes far from TOGETHER neighbouring intervals hold for all of these."""
+    far = np.empty(out.shape[1])
+    for start in range(0, a.size, TOGETHER):
+        stop = min(start + TOGETHER, a.size)
+        low, top = a[start:stop].min(), b[start:stop].max()
+        far[:] = 0.0
+        for i in range(place.size):
+            gap = max(low - place[i], place[i] - top, 0.0)
+            alone = gap < AWAY * (top - low) or stop == start + 1
+            for k in range(start, stop if alone else start + 1):
+                begin, t = (a[k], b[k]) if alone else (low, top)
+                gap = max(begin - place[i], place[i] - t, 0.0)
+                u = 1 / np.sqrt(gap * gap + first[i] * first[i])
+                v = 1 / np.sqrt((begin + place[i]) ** 2 + second[i] * second[i])
+                h0, h1, h2 = u * v, u * v * (u + v), 2 * u * v * (u * u + u * v + v * v)
+                still = t * t * h2 + 4 * t * h1 + 2 * h0 if high else h2
+                moving = t * h2 + 2 * h1
+                for e in range(position.shape[1]):
+                    term = still * position[i, e]
+                    if velocity.shape[1]:
+                        term += moving * velocity[i, e]
+                    if alone:
+                        out[k, e] += term
+                    else:
+                        far[e] += term
+        for k in range(start, stop):
+            for e in range(far.size):
+                out[k, e] += far[e]
+
+
+def _entry_numpy(
+    a: FloatArray,
+    b: FloatArray,
+    place: FloatArray,
+    first: FloatArray,
+    second: FloatArray,
+    position: FloatArray,
+    velocity: FloatArray,
+    high: bool,
+    out: FloatArray,
+) -> None:
+    """The same with every mode's bound for every interval by itself."""
+    rows = max(CHUNK // max(place.size, 1), 1)
+    for start in range(0, a.size, rows):
+        at = slice(start, start + rows)
+        begin, t = a[at, None], b[at, None]
+        gap = np.maximum(np.maximum(begin - place, place - t), 0.0)
+        u, v = 1 / np.hypot(gap, first), 1 / np.hypot(begin + place, second)
+        h0, h1, h2 = u * v, u * v * (u + v), 2 * u * v * (u * u + u * v + v * v)
+        out[at] += (t**2 * h2 + 4 * t * h1 + 2 * h0 if high else h2) @ position
+        if velocity.shape[1]:
+            out[at] += (t * h2 + 2 * h1) @ velocity
+
+
+entry_curvature = Kernel(_entry_loops, _entry_numpy)
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,9 +200,13 @@ class ModalAxis:
         finite = t > 0 if self.high else np.ones(t.size, dtype=bool)
         if finite.any():
             omega = 1 / t[finite] if self.high else t
-            out[:, :, finite] = modal_response(self.plant, omega / (2 * np.pi))
+            out[:, :, finite] = self._response(omega)
         out[:, :, ~finite] = self._tables["at_infinity"][:, :, None]
         return out
+
+    @cached_property
+    def _response(self) -> ModalResponse:
+        return ModalResponse(self.plant)
 
     def gains(self, t: FloatArray) -> FloatArray:
         """(nt,) largest singular value."""
@@ -145,28 +226,18 @@ class ModalAxis:
 
     def entry_curvatures(self, a: FloatArray, b: FloatArray) -> FloatArray:
         """(nt, ny, nu) bounds of every entry's second derivative over each interval."""
-        out = np.zeros((a.size, len(self.plant.outputs) * len(self.plant.inputs)))
-        rows = max(CHUNK // max(self.plant.n_modes, 1), 1)
-        for start in range(0, a.size, rows):
-            at = slice(start, start + rows)
-            for residues, bound in self._entry_tables(a[at], b[at]):
-                out[at] += bound @ residues
+        t, out = self._tables, np.zeros((a.size, len(self.plant.outputs) * len(self.plant.inputs)))
+        entry_curvature(a, b, t["place"], t["first"], t["second"], *self._residues, self.high, out)
         return out.reshape(a.size, len(self.plant.outputs), -1)
 
-    def _entry_tables(self, a: FloatArray, b: FloatArray) -> Iterator[tuple[FloatArray, FloatArray]]:
-        """(modes, ny nu) residues, and the bounds (nt, modes) that multiply them: of position rows, then of velocity rows."""
-        tables, t = self._tables, b[:, None]
-        gap = np.maximum(np.maximum(a[:, None] - tables["place"], tables["place"] - t), 0.0)
-        u, v = 1 / np.hypot(gap, tables["first"]), 1 / np.hypot(a[:, None] + tables["place"], tables["second"])
-        H0, H1, H2 = u * v, u * v * (u + v), 2 * u * v * (u * u + u * v + v * v)
+    @cached_property
+    def _residues(self) -> tuple[FloatArray, FloatArray]:
+        """(modes, ny nu) sizes of the entries of every mode: of position rows, and of velocity rows (no entries without them)."""
         scale = 1 / self.plant.omega**2 if self.high else np.ones(self.plant.n_modes)
-        for power, rows in enumerate(output_rows(self.plant)[:2]):
-            if not rows.any():
-                continue
-            residues = abs(rows.T)[:, :, None] * (abs(self.plant.shape_in) * scale[:, None])[:, None, :]
-            order = 2 - power if self.high else power  # the numerator is t^order
-            bound = t**order * H2 + (2 * order) * t ** max(order - 1, 0) * H1 + 2.0 * (order == 2) * H0
-            yield residues.reshape(residues.shape[0], -1), bound
+        forced = (abs(self.plant.shape_in) * scale[:, None])[:, None, :]
+        position, velocity, _ = output_rows(self.plant)
+        both = [(abs(rows.T)[:, :, None] * forced).reshape(self.plant.n_modes, -1) for rows in (position, velocity)]
+        return both[0], both[1] if velocity.any() else both[1][:, :0]
 
     def between(self, a: FloatArray, b: FloatArray, fraction: FloatArray, pole: IntArray) -> FloatArray:
         """Denser towards the mode's pole."""
