@@ -20,6 +20,7 @@ from flexplant.io.formats import Format
 from flexplant.io.options import check_options
 from flexplant.io.parse.files import as_path, checked_file, exists, one_line, read_head
 from flexplant.io.plausibility import warn_if_implausible
+from flexplant.io.recovery_units import recovery_in_si
 from flexplant.model.component import Component, FiniteElementModel
 from flexplant.model.damping import DampingRatio, with_modal_damping
 from flexplant.model.display import DisplayMesh
@@ -101,15 +102,17 @@ def _labelled(model: Any, chosen: UnitSystem | None) -> Any:
 
 
 def _component_in_si(component: Component, units: UnitSystem) -> Component:
-    """Converted, the rows of the recovery "display" (translations) included."""
-    if replace(units, name=SI.name) == SI:
-        return component
-    converted = component_to_si(component, units)
-    display = converted.recovery.get("display")
-    if display is None or display.displacement is None:
+    """Converted, rows of recovery of a known quantity included: our display (translations), and Nastran's sets."""
+    si = replace(units, name=SI.name) == SI
+    converted = component if si else component_to_si(component, units)
+    if str(component.source.get("format", "")).startswith("flexplant"):  # its rows say what they are
         return converted
-    in_metres = replace(display, displacement=display.displacement * units.length, units="m")
-    return replace(converted, recovery={**converted.recovery, "display": in_metres})
+    ids = frozenset(np.asarray(converted.modal_ids).tolist())
+    rows = {name: recovery_in_si(r, units, ids) for name, r in converted.recovery.items()}
+    display = converted.recovery.get("display")
+    if display is not None and display.displacement is not None:
+        rows["display"] = display if si else replace(display, displacement=display.displacement * units.length, units="m")
+    return replace(converted, recovery=rows)
 
 
 def read_component(
