@@ -108,14 +108,23 @@ class LoopAxis:
 
     def responses(self, t: FloatArray) -> ComplexArray:
         """(nz, nw, nt) from outside to outside."""
+        return np.asarray(self.through(t) + self.loop.F[:, :, None])
+
+    def through(self, t: FloatArray) -> ComplexArray:
+        """(nz, nw, nt) the part of `responses` that goes through the blocks."""
         parts = []
         entry = np.vstack([self.loop.E, np.zeros((self.loop.size - self.loop.E.shape[0], self.loop.E.shape[1]))])
         for start in range(0, t.size, self._chunk):
             part = t[start : start + self._chunk]
             Y = self.outputs(part)
             v = np.linalg.solve(self.matrix(part, Y), np.broadcast_to(entry.astype(complex), (part.size, *entry.shape)))
-            parts.append(self.loop.R @ (Y @ v) + self.loop.F)
+            parts.append(self.loop.R @ (Y @ v))
         return np.asarray(np.moveaxis(np.concatenate(parts), 0, -1))
+
+    @property
+    def n_gains(self) -> int:
+        """How many gains `gains` returns."""
+        return 1
 
     def gains(self, t: FloatArray) -> FloatArray:
         """(nt,) largest singular value."""

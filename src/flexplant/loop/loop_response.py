@@ -11,10 +11,10 @@ import numpy.typing as npt
 import xarray as xr
 
 from flexplant.blocks.sampled import SampledBlock
-from flexplant.loop.breaking import checked_signals, cut_open, disturbed
+from flexplant.loop.breaking import checked_signals, cut_open
 from flexplant.loop.diagram import Diagram
 from flexplant.loop.frequency import ComplexArray, frequency_response
-from flexplant.loop.norms import hinf_norm
+from flexplant.loop.loop_peaks import sensitivity_peaks
 from flexplant.model.arrays import FloatArray
 from flexplant.plant.modal import ModalPlant
 from flexplant.plant.state_space import StateSpace
@@ -109,7 +109,7 @@ def one_at_a_time(L: ComplexArray) -> ComplexArray:
 
 def _margins(loops: _BrokenLoops) -> tuple[Margins, FloatArray]:
     """The margins, and the grid that showed the crossings."""
-    peaks = {kind: hinf_norm(system) for kind, system in disturbed(loops.diagram, loops.signals).items()}
+    peaks = sensitivity_peaks(loops.diagram, loops.signals)
     grid, values = refined_grid(loops.loops, search_grid(loops.opened, loops.loops))
     every = []
     crossings = zip(gain_crossings(loops.loops, grid, values), phase_crossings(loops.loops, grid, values), strict=True)

@@ -34,7 +34,7 @@ def hinf_norm(system: Linear, *, tolerance: float = 1e-7, unbounded: str = "infi
     if not isinstance(system, Diagram) or not has_bordered_form(system):
         return norms.hinf_norm(close(system) if isinstance(system, Diagram) else system, tolerance=tolerance, unbounded=unbounded)
     norms.check_request(tolerance, unbounded)
-    found = _large(bordered(system), tolerance)
+    found = certified(loop_axes(bordered(system)), tolerance)[0]
     if unbounded == "error" and not np.isfinite(found.value):
         raise InputError(f"the norm of {system.name!r} is infinite: {found.explanation}")
     return found
@@ -52,21 +52,24 @@ def has_bordered_form(diagram: Diagram) -> bool:
     return states > SMALL and modal and diagram.dt is None and unknowns <= UNKNOWNS
 
 
-def loop_axes(loop: Bordered) -> tuple[LoopAxis, LoopAxis]:
+def loop_axes(loop: Bordered, kind: type[LoopAxis] = LoopAxis) -> tuple[LoopAxis, LoopAxis]:
     """The frequencies up to twice the fastest pole of any block by itself, and those above."""
     poles = np.linalg.eigvals(loop.A) if loop.A.size else np.zeros(0)
     every = np.concatenate([[0.0], abs(poles), loop.omega, *(plant.omega for plant in loop.plants)])
     edge = 2 * float(every.max()) or 1.0
-    return LoopAxis(loop, edge, high=False), LoopAxis(loop, edge, high=True)
+    return kind(loop, edge, high=False), kind(loop, edge, high=True)
 
 
-def _large(loop: Bordered, tolerance: float) -> HinfNorm:
-    axes = loop_axes(loop)
-    known = stability(axes)
+def certified(axes: tuple[LoopAxis, LoopAxis], tolerance: float) -> list[HinfNorm]:
+    """The norm of each gain of the axes: its stability once, then the peaks of all at once."""
+    known, loop = stability(axes), axes[0].loop
     if not known.stable:
         where = 0.0 if known.pole is None else abs(known.pole.imag) / (2 * np.pi)
-        return HinfNorm(np.inf, where, np.inf, np.inf, known.explanation)
-    found = polished(axes, bracket(axes, Bracket(0.0, 0.0, 0, 0.0), tolerance))
+        return [HinfNorm(np.inf, where, np.inf, np.inf, known.explanation)] * axes[0].n_gains
+    return [_norm_of(found, loop.size) for found in polished(axes, bracket(axes, tolerance))]
+
+
+def _norm_of(found: Bracket, unknowns: int) -> HinfNorm:
     omega = found.t if found.axis == 0 else 1 / found.t if found.t else np.inf
-    certificate = f"interval bounds on {loop.size} unknowns ({found.intervals} intervals), stable by winding number"
+    certificate = f"interval bounds on {unknowns} unknowns ({found.intervals} intervals), stable by winding number"
     return HinfNorm(found.lower, omega / (2 * np.pi), found.lower, found.upper, certificate=certificate)

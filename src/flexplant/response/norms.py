@@ -10,7 +10,7 @@ import numpy.typing as npt
 import xarray as xr
 from scipy.optimize import minimize_scalar
 
-from flexplant.errors import InputError, nearest
+from flexplant.errors import InputError, expect_choice
 from flexplant.model.arrays import FloatArray, is_number
 from flexplant.plant.modal import ModalPlant
 from flexplant.plant.state_space import Descriptor, StateSpace, state_space
@@ -83,10 +83,9 @@ def hinf_norm(plant: Plant, *, tolerance: float = 1e-7, unbounded: str = "infini
 
 def check_request(tolerance: float, unbounded: str) -> None:
     """InputError for a tolerance or a choice that `hinf_norm` does not take."""
-    if unbounded not in ("infinite", "error"):
-        raise InputError(f"unbounded={unbounded!r} is not a choice." + nearest(str(unbounded), ("infinite", "error")))
+    expect_choice(unbounded, ("infinite", "error"), "unbounded")
     if not (is_number(tolerance) and 0 < tolerance < 1):
-        raise InputError(f"hinf_norm: tolerance is relative, between 0 and 1, got {tolerance!r}")
+        raise InputError(f"hinf_norm: tolerance is relative, between 0 and 1, got {tolerance!r:.60}")
 
 
 def _first_order(plant: StateSpace | Descriptor) -> StateSpace:
@@ -120,7 +119,7 @@ def _by_intervals(plant: ModalPlant, tolerance: float) -> HinfNorm:
         largest = float(np.linalg.norm(plant.direct, 2)) if plant.direct.size else 0.0
         return HinfNorm(largest, 0.0, largest, largest, certificate="static gain")
     axes = [ModalAxis(plant, edge, high) for high in (False, True)]
-    found = polished(axes, bracket(axes, Bracket(0.0, 0.0, 0, 0.0), tolerance))
+    found = polished(axes, bracket(axes, tolerance))[0]
     return _from_bracket(found, lambda omega: omega / (2 * np.pi), "")
 
 
@@ -165,7 +164,7 @@ def _norm(system: StateSpace, tolerance: float) -> HinfNorm:
     if residues is None or (poles.real >= 0).any():
         return _searched(gain, tolerance)
     axes = [PoleAxis(gain.transfer, residues, 2 * size, high) for high in (False, True)]
-    return _from_bracket(polished(axes, bracket(axes, Bracket(0.0, 0.0, 0, 0.0), tolerance)), gain.hz, "poles and residues, ")
+    return _from_bracket(polished(axes, bracket(axes, tolerance))[0], gain.hz, "poles and residues, ")
 
 
 def _unbounded_at(gain: Gain, omega: float, size: float) -> bool:

@@ -1,0 +1,51 @@
+"""Peaks of the sensitivities of a loop broken at several signals: S, T and (S - T) / 2 from one search, for they bend alike.
+
+S = I - T and (S - T) / 2 = S - I / 2 differ by constants, so that one bound of the second derivative, one division of the axis
+into intervals and one count of unstable poles serve all three.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from flexplant.loop.bordered import bordered
+from flexplant.loop.breaking import disturbed
+from flexplant.loop.diagram import Diagram
+from flexplant.loop.loop_bound import LoopAxis
+from flexplant.loop.norms import certified, has_bordered_form, hinf_norm, loop_axes
+from flexplant.model.arrays import FloatArray
+from flexplant.response.norms import HinfNorm
+from flexplant.response.singular import largest_singular_values
+
+KINDS = ("S", "T", "half")
+TOLERANCE = 1e-7
+
+
+@dataclass(frozen=True, eq=False)
+class SensitivityAxis(LoopAxis):
+    """The axis of a loop from disturbances d of its broken signals y to S d = d + y; T d = -y."""
+
+    @property
+    def n_gains(self) -> int:
+        """S, T and (S - T) / 2."""
+        return len(KINDS)
+
+    def gains(self, t: FloatArray) -> FloatArray:
+        """(3, nt) largest singular values."""
+        through, direct = self.through(t), self.loop.F[:, :, None]
+        S, T = through + direct, -through - (direct - np.eye(direct.shape[0])[:, :, None])
+        return np.stack([largest_singular_values(np.asarray(G, dtype=complex)) for G in (S, T, 0.5 * (S - T))])
+
+
+def sensitivity_peaks(diagram: Diagram, signals: list[str]) -> dict[str, HinfNorm]:
+    """The norms of S, T and half = (S - T) / 2 of a diagram broken at the signals, infinite with an explanation if unstable.
+
+    Small diagrams, and those without the form of `bordered`, go through `hinf_norm` one by one.
+    """
+    systems = disturbed(diagram, signals)
+    if not has_bordered_form(systems["S"]):
+        return {kind: hinf_norm(systems[kind], tolerance=TOLERANCE) for kind in KINDS}
+    found = certified(loop_axes(bordered(systems["S"]), SensitivityAxis), TOLERANCE)
+    return dict(zip(KINDS, found, strict=True))
