@@ -35,6 +35,8 @@ BAD_CONNECTIONS = {
     "pairs empty": ({"pairs": []}, "no pairs"),
     "ground first": ({"a": "ground"}, "name the component first"),
     "ground by position": ({"b": "ground", "pairs": "by position"}, "list the nodes to ground"),
+    "ground twice named": ({"b": "ground", "pairs": [4], "nodes": [4]}, "pairs and nodes both list nodes to ground"),
+    "ground without nodes": ({"b": "ground", "pairs": "by position", "nodes": []}, "nodes must be a list of node ids"),
     "name with a dot": ({"name": "a.b"}, "connection name 'a.b'"),
     "tolerance negative": ({"tolerance": -1.0}, "tolerance -1.0"),
     "tolerance NaN": ({"tolerance": np.nan}, "tolerance nan"),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -125,6 +126,22 @@ def test_ground_strikes_rows_and_columns(method, directions):
     modes = normal_modes(system)
     assert modes.n_rigid == n_rigid
     np.testing.assert_allclose(modes.frequency_hz[n_rigid:], np.sqrt(values[n_rigid:]) / 2 / np.pi, rtol=1e-9)
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_nodes_to_ground_are_the_same_as_pairs(method):
+    """Two ways to name them, one constraint; and a copy of the connection is the connection."""
+    component = whole_component(chain())
+    by_nodes = Connection("whole", "ground", nodes=[1, 6], directions="134")
+    systems = [
+        couple([component], [c], method=method)
+        for c in (Connection("whole", "ground", [1, 6], directions="134"), by_nodes, replace(by_nodes, name="whole-ground"))
+    ]
+    assert len(systems[0].constraint_labels) == 6
+    for system in systems[1:]:
+        assert system.constraint_labels == systems[0].constraint_labels
+        np.testing.assert_array_equal(system.constraints.toarray(), systems[0].constraints.toarray())
+        np.testing.assert_array_equal(system.stiffness.toarray(), systems[0].stiffness.toarray())
 
 
 def test_copies_of_one_component_make_a_chain():

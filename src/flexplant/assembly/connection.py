@@ -38,7 +38,8 @@ class Connection:
     directions: subset of "123456", along `frame`: "a" or "b" (that side's displacement frame), "system", or (3, 3) rows.
     offset: for nodes that do not coincide: "rigid" (rigid link, u_b = u_a + theta_a x r), "ignore" (coordinates are
       equated as they are) or "forbid" (an error).
-    nodes: for "by position", the nodes of `a` that must match; without it one side must match completely.
+    nodes: for "by position", the nodes of `a` that must match; without it one side must match completely. With b "ground"
+      the nodes that are clamped, which may be given as `pairs` as well.
     stiffness, damping: None is rigid; a number, one value a direction (or a pair of coordinates), or a square matrix makes
       it compliant (N/m, N m/rad).
     The constraint's multiplier is the force that a exerts on b.
@@ -69,8 +70,9 @@ class Connection:
             raise CouplingError(f"connection {self.name!r}: name the component first and 'ground' second")
         if isinstance(self.pairs, str) and self.pairs != "by position":
             raise CouplingError(f"connection {self.name!r}: pairs must be node pairs or 'by position', got {self.pairs!r}")
-        if isinstance(self.pairs, str) and self.b == GROUND:
-            raise CouplingError(f"connection {self.name!r}: list the nodes to ground, for example pairs=[101, 102]")
+        self._check_nodes()
+        if self.b == GROUND:
+            self._name_grounded()
         if not isinstance(self.pairs, (str, Sequence)) and not (isinstance(self.pairs, np.ndarray) and self.pairs.ndim):
             raise CouplingError(f"connection {self.name!r}: pairs must be a list, got {type(self.pairs).__name__}")
         if not isinstance(self.pairs, str) and not len(self.pairs):
@@ -80,7 +82,6 @@ class Connection:
             raise CouplingError(text + nearest(self.offset, OFFSETS))
         if self.tolerance is not None and not (is_number(self.tolerance) and 0 <= self.tolerance < np.inf):
             raise CouplingError(f"connection {self.name!r}: tolerance {self.tolerance} must be a length >= 0")
-        self._check_nodes()
         self._check_frame()
         n = len(self.pairs) if self.by_coordinate else len(expand_directions(self.directions))
         for kind in ("stiffness", "damping"):
@@ -97,6 +98,17 @@ class Connection:
                 f"connection {self.name!r}: directions {self.directions!r}: nodes couple in 1-6; couple scalar coordinates as "
                 "pairs ((node, 0), (node, 0))"
             )
+
+    def _name_grounded(self) -> None:
+        """The nodes that are clamped, as pairs or as nodes, not as both."""
+        if not isinstance(self.pairs, str):
+            if self.nodes is not None:
+                raise CouplingError(f"connection {self.name!r}: pairs and nodes both list nodes to ground; give one of them")
+        elif self.nodes is None:
+            raise CouplingError(f"connection {self.name!r}: list the nodes to ground, for example nodes=[101, 102]")
+        else:
+            object.__setattr__(self, "pairs", list(self.nodes))
+            object.__setattr__(self, "nodes", None)  # one place, so that dataclasses.replace makes the same connection
 
     def _check_nodes(self) -> None:
         if self.nodes is None:
