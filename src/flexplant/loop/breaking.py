@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -12,6 +12,7 @@ from flexplant.errors import InputError, nearest
 from flexplant.loop.close import linear_only
 from flexplant.loop.diagram import Diagram
 from flexplant.loop.ports import Block, find_port
+from flexplant.model.arrays import items_of
 from flexplant.plant.modal import ModalPlant, select
 from flexplant.plant.state_space import StateSpace
 
@@ -23,9 +24,9 @@ def checked_signals(diagram: Diagram, at: str | Sequence[str]) -> list[str]:
     if not isinstance(diagram, Diagram):
         raise InputError(f"a loop is broken in a Diagram, got {type(diagram).__name__}; margins() takes the loop gain of a plant")
     linear_only(diagram)
-    signals = [at] if isinstance(at, str) else [str(name) for name in at] if isinstance(at, Iterable) else []
-    if not signals or len(set(signals)) != len(signals):
-        raise InputError(f"at = {at!r}; name one or several different signals 'block.port' to break the loop at")
+    signals = [at] if isinstance(at, str) else items_of(at) or []
+    if not signals or not all(isinstance(name, str) for name in signals) or len(set(signals)) != len(signals):
+        raise InputError(f"at = {at!r:.60}; name one or several different signals 'block.port' to break the loop at")
     driving = {start for start, _ in diagram.connections}
     for name in signals:
         find_port(name, diagram.blocks, "outputs")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from flexplant.blocks.sampled import SampledBlock
-from flexplant.errors import DiagramError
+from flexplant.errors import DiagramError, expect
 from flexplant.loop.diagram import Diagram, block_diagonal
 from flexplant.model.arrays import FloatArray
 from flexplant.plant.state_space import StateSpace, state_space
@@ -19,6 +19,7 @@ def close(diagram: Diagram) -> StateSpace:
     States are those of the blocks (as `state_space` gives them) in the order of `diagram.blocks`.
     Raises DiagramError if an allowed algebraic loop is not well posed (I - S D singular), and for a sampled diagram.
     """
+    expect(diagram, Diagram, "close", "plants and blocks are closed as they are: state_space(plant)")
     linear_only(diagram)
     systems = [state_space(block) for block in diagram.blocks.values() if not isinstance(block, SampledBlock)]
     A, B, C, D = (block_diagonal([getattr(s, letter) for s in systems]) for letter in "ABCD")

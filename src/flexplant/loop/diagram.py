@@ -10,11 +10,11 @@ from typing import Any
 import numpy as np
 
 from flexplant.blocks.sampled import SampledBlock
-from flexplant.errors import DiagramError
+from flexplant.errors import DiagramError, expect_text
 from flexplant.loop.graph import algebraic_loops, block_stages
 from flexplant.loop.ports import Block
 from flexplant.loop.wiring import Wiring, wire
-from flexplant.model.arrays import FloatArray
+from flexplant.model.arrays import FloatArray, checked_switch, items_of
 from flexplant.plant.modal import ModalPlant
 from flexplant.plant.state_space import StateSpace, output_rows
 
@@ -43,14 +43,18 @@ class Diagram:
     wiring: Wiring = field(init=False)
 
     def __post_init__(self) -> None:
-        blocks = dict(self.blocks)
+        expect_text(self.name, "diagram: name")
+        checked_switch(self.allow_algebraic_loops, "diagram: allow_algebraic_loops")
+        blocks, inputs, outputs = (_named(getattr(self, kind), kind) for kind in ("blocks", "inputs", "outputs"))
         _check_blocks(blocks)
-        inputs = {name: (ports,) if isinstance(ports, str) else tuple(ports) for name, ports in self.inputs.items()}
+        inputs = {name: _ports(ports, name) for name, ports in inputs.items()}
+        for name, port in outputs.items():
+            _expect_port(port, f"output {name!r}")
         object.__setattr__(self, "blocks", blocks)
         object.__setattr__(self, "inputs", inputs)
-        object.__setattr__(self, "outputs", dict(self.outputs))
-        object.__setattr__(self, "connections", tuple((str(a), str(b)) for a, b in self.connections))
-        object.__setattr__(self, "wiring", wire(blocks, self.connections, inputs, self.outputs))
+        object.__setattr__(self, "outputs", outputs)
+        object.__setattr__(self, "connections", _wires(self.connections))
+        object.__setattr__(self, "wiring", wire(blocks, self.connections, inputs, outputs))
         if not self.allow_algebraic_loops:
             self._check_algebraic_loops()
 
@@ -118,11 +122,41 @@ def _feedthrough(block: Block) -> FloatArray:
     return output_rows(block)[2] if isinstance(block, ModalPlant) else block.D
 
 
+def _named(given: object, kind: str) -> dict[str, Any]:
+    if not isinstance(given, Mapping) or not all(isinstance(name, str) and name for name in given):
+        raise DiagramError(f"{kind} must be a mapping by name, such as {{'name': ...}}, got {given!r:.60}")
+    return dict(given)
+
+
+def _expect_port(port: object, what: str) -> None:
+    if not isinstance(port, str):
+        raise DiagramError(f"{what}: a port is a text 'block.port', got {port!r:.60}")
+
+
+def _ports(given: object, name: str) -> tuple[str, ...]:
+    ports = [given] if isinstance(given, str) else items_of(given)
+    if not ports:
+        raise DiagramError(f"input {name!r}: name the port it drives, or a list of ports, got {given!r:.60}")
+    for port in ports:
+        _expect_port(port, f"input {name!r}")
+    return tuple(ports)
+
+
+def _wires(given: object) -> tuple[tuple[str, str], ...]:
+    wires = items_of(given)
+    if wires is None or not all(isinstance(wire, (tuple, list)) and len(wire) == 2 for wire in wires):
+        raise DiagramError(f"connections must be a list of pairs ('block.output', 'block.input'), got {given!r:.60}")
+    for start, end in wires:
+        _expect_port(start, "connections")
+        _expect_port(end, "connections")
+    return tuple((start, end) for start, end in wires)
+
+
 def _check_blocks(blocks: Mapping[str, Block]) -> None:
     if not blocks:
         raise DiagramError("a diagram needs at least one block; give blocks={'name': block}")
     for name, block in blocks.items():
-        if not name or "." in name:
+        if "." in name:
             raise DiagramError(f"block name {name!r}: use a non-empty text without dots, ports are written 'block.port'")
         if not isinstance(block, StateSpace | ModalPlant | SampledBlock):
             raise DiagramError(f"block {name!r} is a {type(block).__name__}; use a StateSpace or a ModalPlant (see state_space)")

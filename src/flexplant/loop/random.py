@@ -14,7 +14,7 @@ from flexplant.loop.close import close
 from flexplant.loop.diagram import Diagram
 from flexplant.loop.frequency import ComplexArray, Linear, frequency_response
 from flexplant.loop.unstable import refuse_unstable
-from flexplant.model.arrays import FloatArray, real_values
+from flexplant.model.arrays import FloatArray, checked_switch, real_values
 from flexplant.plant.modal import ModalPlant
 from flexplant.plant.state_space import Descriptor, StateSpace
 from flexplant.response.band_variance import band_variance, poles_and_residues
@@ -43,6 +43,7 @@ def random_response(system: Linear, psd: Spectra, frequency_hz: npt.ArrayLike, *
     """
     if not isinstance(system, Diagram | ModalPlant | StateSpace | Descriptor):
         raise InputError(f"random_response needs a plant, a block or a Diagram, got {type(system).__name__}")
+    checked_switch(cross, "random_response: cross")
     hz = checked_frequencies(frequency_hz)
     if hz.size < 2 or (np.diff(hz) <= 0).any():
         raise InputError("random_response: frequency_hz must ascend and have at least two values; sort it and drop equal ones")
@@ -121,7 +122,7 @@ def _diagonal(psd: Mapping[str, Any], names: list[str], hz: FloatArray) -> Float
     out = np.zeros((len(names), hz.size))
     for name, given in psd.items():
         if name not in names:
-            raise InputError(f"random_response: no input {name!r}." + nearest(str(name), names))
+            raise InputError(f"random_response: no input {name!r:.60}." + nearest(name, names))
         out[names.index(name)] = _spectrum(given, str(name), hz)
     return out
 
@@ -145,7 +146,7 @@ def _cross(psd: Any, names: list[str], hz: FloatArray) -> ComplexArray:
     """(nu, nu, nf) cross-spectra, checked: Hermitian and not negative at every frequency."""
     try:
         given = np.asarray(psd, dtype=complex)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         raise InputError("random_response: psd is neither a mapping of inputs nor an array of cross-spectra") from None
     nu = len(names)
     if given.shape != (nu, nu, hz.size):

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 import scipy.linalg
 
-from flexplant.errors import InputError, nearest
+from flexplant.errors import InputError, expect_choice
 from flexplant.loop.cascade import Cascade, Simulated, cascade_of
 from flexplant.loop.diagram import Diagram
 from flexplant.loop.fused import recursion_of
@@ -53,8 +53,7 @@ def checked_cascade(system: Simulated, unstable: str) -> Cascade:
 
 
 def _check_choice(unstable: str) -> None:
-    if unstable not in ("error", "allow"):
-        raise InputError(f"unstable={unstable!r} is not a choice." + nearest(str(unstable), ("error", "allow")))
+    expect_choice(unstable, ("error", "allow"), "unstable")
 
 
 def _refuse_growth(cascade: Cascade, name: str) -> None:
@@ -95,7 +94,7 @@ def initial_state(size: int, initial: Initial, rest: FloatArray | None = None) -
             raise InputError(
                 "initial='steady_state' needs a linear system and its inputs as Tones (see wheel_tones); samples have none"
             )
-        raise InputError(f"initial={initial!r}; use 'rest', 'steady_state' or an array of states")
+        raise InputError(f"initial={initial!r:.60}; use 'rest', 'steady_state' or an array of states")
     state = np.array(real_values(initial, "initial state"))
     if state.shape != (size,) or not np.isfinite(state).all():
         raise InputError(f"initial state of shape {state.shape}; {size} finite values are needed")

@@ -61,7 +61,7 @@ def _from_mapping(inputs: Mapping[str, npt.ArrayLike], names: list[str], nt: int
     w = np.zeros((len(names), nt))
     for name, values in inputs.items():
         if name not in names:
-            raise InputError(f"inputs: no input {name!r}." + nearest(str(name), names))
+            raise InputError(f"inputs: no input {name!r:.60}." + nearest(name, names))
         signal = real_values(values, f"input {name!r}")
         if signal.shape not in ((), (nt,)):
             raise InputError(f"input {name!r} has shape {signal.shape}, but one number or ({nt},) values are needed")

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 import numpy.typing as npt
 import xarray as xr
 
 from flexplant.blocks.tones import Tones, tone_signal
-from flexplant.errors import InputError, nearest
+from flexplant.errors import InputError, expect_count, nearest
 from flexplant.loop.cascade import Cascade, Simulated, simulated
 from flexplant.loop.diagram import Diagram
 from flexplant.loop.fused import recursion_of
@@ -18,6 +18,7 @@ from flexplant.loop.runner import Initial, checked_cascade, initial_state, is_hy
 from flexplant.loop.signals import Signals, checked_time, sampled
 from flexplant.loop.steady import input_amplitudes, output_amplitudes, steady_states
 from flexplant.model.arrays import FloatArray
+from flexplant.plant.channels import listed_names
 
 
 def simulate(
@@ -55,7 +56,7 @@ def simulate(
     t, dt = checked_time(time)
     _check_every(every)
     if progress is not None and not callable(progress):
-        raise InputError(f"progress = {progress!r}: give a function of (samples done, samples), or None")
+        raise InputError(f"progress = {progress!r:.60}: give a function of (samples done, samples), or None")
     names = list(simulated(system).inputs)
     kept = _kept(outputs, list(system.outputs))
     rows = [list(system.outputs).index(k) for k in kept]
@@ -76,8 +77,7 @@ def simulate(
 
 
 def _check_every(every: int) -> None:
-    if isinstance(every, bool) or not isinstance(every, int | np.integer) or every < 1:
-        raise InputError(f"every = {every!r}: keep each every-th sample, a whole number from 1")
+    expect_count(every, "every (keep each every-th sample)", least=1)
 
 
 def _tone_samples(tones: Tones, names: list[str], t: FloatArray) -> FloatArray:
@@ -108,12 +108,10 @@ def _real_sum(amplitude: npt.NDArray[np.complex128], tones: Tones, t: FloatArray
 
 
 def _kept(outputs: Sequence[str] | None, known: list[str]) -> list[str]:
-    if outputs is not None and not isinstance(outputs, Iterable):
-        raise InputError(f"simulate: outputs must be a list of names, got {outputs!r}")
-    kept = known if outputs is None else [outputs] if isinstance(outputs, str) else list(outputs)
+    kept = known if outputs is None else [outputs] if isinstance(outputs, str) else listed_names(outputs, "simulate: outputs")
     for name in kept:
         if name not in known:
-            raise InputError(f"simulate: no output {name!r}." + nearest(str(name), known))
+            raise InputError(f"simulate: no output {name!r:.60}." + nearest(name, known))
     return kept
 
 

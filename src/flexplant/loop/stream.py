@@ -8,13 +8,13 @@ import numpy as np
 import xarray as xr
 
 from flexplant.blocks.tones import Tones, tone_signal
-from flexplant.errors import InputError
+from flexplant.errors import InputError, expect_count
 from flexplant.loop.cascade import Simulated, simulated
 from flexplant.loop.recursion import Runner, chunks
 from flexplant.loop.runner import Initial, runner_of
 from flexplant.loop.signals import Signals, sampled
 from flexplant.loop.steady import input_amplitudes
-from flexplant.model.arrays import FloatArray
+from flexplant.model.arrays import FloatArray, is_finite
 
 Source = Tones | Callable[[FloatArray], Signals] | None
 
@@ -42,10 +42,10 @@ def simulate_stream(
     Raises InputError as `simulate` does, before the first piece where it can.
     """
     names = list(simulated(system).inputs)
-    if not (np.isfinite(dt) and dt > 0) or samples < 2 or every < 1 or piece < 1:
-        raise InputError(
-            f"simulate_stream: dt = {dt!r}, samples = {samples!r}, every = {every!r}, piece = {piece!r} must be positive"
-        )
+    if not (is_finite(dt) and dt > 0 and is_finite(start)):
+        raise InputError(f"simulate_stream: dt = {dt!r:.60} must be positive and start = {start!r:.60} finite, seconds")
+    for name, count, least in (("samples", samples, 2), ("every", every, 1), ("piece", piece, 1)):
+        expect_count(count, f"simulate_stream: {name}", least=least)
     runner = runner_of(system, dt, initial, hold, every, unstable)
     source = _source(inputs, names)
     return _pieces(system, runner, source, dt, samples, start, every, -(-piece // every) * every)

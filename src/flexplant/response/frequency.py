@@ -32,7 +32,7 @@ def frequency_response(plant: Plant, frequency_hz: npt.ArrayLike, *, out: Comple
     Raises InputError for frequencies that are negative, NaN, descending or none, for `out` of another shape, and for a
     frequency that lies exactly on an undamped pole (at 0 Hz: on a rigid-body mode that the outputs see), naming the mode.
     """
-    hz, evaluate = checked_frequencies(frequency_hz), _evaluator(plant)
+    hz, evaluate = checked_frequencies(frequency_hz), evaluator(plant)
     return _labelled(plant, hz, evaluate(hz, checked_memory(out, (len(plant.outputs), len(plant.inputs), hz.size))))
 
 
@@ -42,7 +42,7 @@ def frequency_response_blocks(plant: Plant, frequency_hz: npt.ArrayLike, *, bloc
     block: frequencies a block; by default as many as fill 16 MB. What does not depend on the frequency is made once. Raises
     InputError at once for bad frequencies and block sizes, and for a frequency on an undamped pole when its block is reached.
     """
-    hz, evaluate = checked_frequencies(frequency_hz), _evaluator(plant)
+    hz, evaluate = checked_frequencies(frequency_hz), evaluator(plant)
     split = parts(hz, len(plant.outputs) * len(plant.inputs), block)
     return (_labelled(plant, part, evaluate(part, None)) for part in split)
 
@@ -51,11 +51,11 @@ def parts(hz: FloatArray, channels: int, block: int | None) -> Iterator[FloatArr
     """The frequencies in blocks of `block`, or of as many as fill 16 MB; InputError for a block that is not positive."""
     size = max(STREAMED // max(channels, 1), 1) if block is None else block
     if not isinstance(size, (int, np.integer)) or isinstance(size, bool) or size < 1:
-        raise InputError(f"frequency_response_blocks: block is {block!r}; use a positive whole number of frequencies")
+        raise InputError(f"frequency_response_blocks: block is {block!r:.60}; use a positive whole number of frequencies")
     return (hz[start : start + size] for start in range(0, hz.size, size))
 
 
-def _evaluator(plant: Plant) -> Callable[[FloatArray, ComplexArray | None], ComplexArray]:
+def evaluator(plant: Plant) -> Callable[[FloatArray, ComplexArray | None], ComplexArray]:
     """(hz, out or None) -> (ny, nu, nf), with everything prepared that does not depend on the frequency."""
     if isinstance(plant, ModalPlant):
         modal = ModalResponse(plant)
@@ -77,14 +77,14 @@ def written(values: ComplexArray, out: ComplexArray | None) -> ComplexArray:
     return out
 
 
-def checked_memory(out: ComplexArray | None, shape: tuple[int, int, int]) -> ComplexArray | None:
+def checked_memory(out: ComplexArray | None, shape: tuple[int, ...], owner: str = "frequency_response") -> ComplexArray | None:
     """`out`, if it is memory of this shape that can be written into; InputError otherwise."""
     if out is None:
         return None
     fits = isinstance(out, np.ndarray) and out.shape == shape and out.dtype == np.complex128
     if not fits or not out.flags.c_contiguous or not out.flags.writeable:
         found = f"{out.dtype} {out.shape}" if isinstance(out, np.ndarray) else type(out).__name__
-        raise InputError(f"frequency_response: out is {found}; it must be a writable C-contiguous complex128 array {shape}")
+        raise InputError(f"{owner}: out is {found}; it must be a writable C-contiguous complex128 array {shape}")
     return out
 
 

@@ -9,7 +9,8 @@ import numpy as np
 import numpy.typing as npt
 
 from flexplant.errors import InputError
-from flexplant.model.arrays import is_number
+from flexplant.model.arrays import is_finite
+from flexplant.response.frequency import checked_memory
 
 ComplexArray: TypeAlias = npt.NDArray[np.complex128]
 WELL_CONDITIONED = 1e6
@@ -57,11 +58,10 @@ class GainSweep:
 
         Raises InputError for a gain that is not a finite number or puts a pole on the axis at one of the frequencies.
         """
-        if not (is_number(gain) and np.isfinite(gain)):
-            raise InputError(f"gain sweep: the gain must be a finite number, got {gain!r}")
-        out = np.empty_like(self.G_zw) if out is None else out
-        if out.shape != self.G_zw.shape:
-            raise InputError(f"gain sweep: out has shape {out.shape}, but {self.G_zw.shape} is needed")
+        if not is_finite(gain):
+            raise InputError(f"gain sweep: the gain must be a finite number, got {gain!r:.60}")
+        memory = checked_memory(out, self.G_zw.shape, "gain sweep")
+        out = np.empty_like(self.G_zw) if memory is None else memory
         out[:] = self.G_zw
         if gain:
             for product, value in zip(self._products, self._values, strict=True):
@@ -76,7 +76,7 @@ class GainSweep:
 def _response(values: npt.ArrayLike, name: str) -> ComplexArray:
     try:
         out = np.asarray(values, dtype=np.complex128)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         raise InputError(f"gain sweep: {name} is not an array of numbers") from None
     if out.ndim != 3 or not np.isfinite(out).all():
         raise InputError(f"gain sweep: {name} of shape {out.shape}; a finite response (outputs, inputs, frequencies) is needed")

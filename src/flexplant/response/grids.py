@@ -5,10 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from flexplant.errors import InputError
-from flexplant.model.arrays import FloatArray, is_number
+from flexplant.model.arrays import FloatArray, is_finite, is_number
 from flexplant.plant.modal import ModalPlant
 from flexplant.plant.state_space import StateSpace, state_space
 
+MOST = 1_000_000  # points a mode and a decade
 SHARPEST = 1e-9  # half bandwidth relative to the frequency, below which a mode counts as undamped and is only bracketed
 
 
@@ -28,10 +29,13 @@ def adaptive_grid(
     An undamped mode is bracketed, never hit.
     Raises InputError for bounds that are not 0 < low < high, or fewer than 3 points a mode.
     """
-    if not (is_number(low_hz) and is_number(high_hz) and 0 < low_hz < high_hz < np.inf):
-        raise InputError(f"adaptive_grid: low_hz = {low_hz!r}, high_hz = {high_hz!r}; give 0 < low < high")
-    if not (is_number(per_mode) and is_number(per_decade) and per_mode >= 3 and per_decade >= 1 and per_mode == int(per_mode)):
-        raise InputError(f"adaptive_grid: per_mode = {per_mode!r} (whole, at least 3), per_decade = {per_decade!r} (at least 1)")
+    if not (is_finite(low_hz) and is_finite(high_hz) and 0 < low_hz < high_hz):
+        raise InputError(f"adaptive_grid: low_hz = {low_hz!r:.60}, high_hz = {high_hz!r:.60}; give 0 < low < high")
+    low_hz, high_hz = float(low_hz), float(high_hz)
+    if not (is_number(per_mode) and 3 <= per_mode <= MOST and per_mode % 1 == 0):
+        raise InputError(f"adaptive_grid: per_mode = {per_mode!r:.60} must be whole, at least 3 and at most {MOST}")
+    if not (is_number(per_decade) and 1 <= per_decade <= MOST):
+        raise InputError(f"adaptive_grid: per_decade = {per_decade!r:.60} must be at least 1 and at most {MOST}")
     per_mode = int(per_mode)
     size, decay = _poles(plant)
     resonance = np.sqrt(np.maximum(size**2 - 2 * decay**2, 0.0)) / (2 * np.pi)

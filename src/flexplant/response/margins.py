@@ -9,13 +9,14 @@ import numpy.typing as npt
 import scipy.linalg
 
 from flexplant.errors import InputError
-from flexplant.model.arrays import FloatArray, is_number
+from flexplant.model.arrays import FloatArray, is_finite
 from flexplant.plant.modal import ModalPlant
 from flexplant.plant.state_space import StateSpace, channels_of, state_space
 from flexplant.response.level import Gain, on_axis, sign_changes
 from flexplant.response.norms import HinfNorm, hinf_norm
 
 ComplexArray = npt.NDArray[np.complex128]
+MAX_DB = 6000  # factors of 10^300
 HALF_POWER_DB = 10 * float(np.log10(0.5))  # what "-3 dB" means in a bandwidth: -3.0103
 
 
@@ -208,8 +209,8 @@ def disk_margin_of(peak: HinfNorm) -> DiskMargin:
 
 def crossing_hz(plant: StateSpace | ModalPlant, level_db: float) -> FloatArray:
     """Ascending frequencies (Hz) where the gain (largest singular value) passes through level_db, every one of them."""
-    if not (is_number(level_db) and np.isfinite(level_db)):
-        raise InputError(f"crossing_hz: level_db must be finite, got {level_db!r}")
+    if not (is_finite(level_db) and abs(level_db) <= MAX_DB):
+        raise InputError(f"crossing_hz: level_db must be finite, within +-{MAX_DB}, got {level_db!r:.60}")
     gain = Gain(state_space(plant))
     return gain.hz(gain.crossings(10 ** (level_db / 20)))
 
@@ -219,8 +220,8 @@ def bandwidth_hz(plant: StateSpace | ModalPlant, level_db: float = HALF_POWER_DB
 
     Raises InputError for a level that is not negative, and for a plant without a finite, nonzero gain at 0 Hz.
     """
-    if not (is_number(level_db) and -np.inf < level_db < 0):
-        raise InputError(f"bandwidth_hz: level_db must be negative and finite, got {level_db!r}")
+    if not (is_finite(level_db) and -MAX_DB <= level_db < 0):
+        raise InputError(f"bandwidth_hz: level_db must be negative and finite, got {level_db!r:.60}")
     gain = Gain(state_space(plant))
     static = float(gain(0.0)[0])
     if static <= 1e-12 * gain(abs(gain.transfer.poles)).max(initial=0.0):
