@@ -15,7 +15,7 @@ from flexplant.loop.diagram import Diagram
 from flexplant.loop.loop_response import loop_margins, loop_response
 from flexplant.plant.modal import ModalPlant
 from flexplant.plant.state_space import StateSpace
-from flexplant.response.crossings import gain_crossings, phase_crossings, refined_grid
+from flexplant.response.crossings import crossings, refined_grid
 from flexplant.response.margins import margins as by_pencils
 
 
@@ -195,5 +195,30 @@ def test_a_pole_between_two_points_is_no_crossing():
         return (-1 + 1j / (hz - 1))[None, :]
 
     grid, values = refined_grid(loops, np.linspace(0.55, 2.0, 40))
-    assert phase_crossings(loops, grid, values)[0].size == 0
-    assert gain_crossings(lambda hz: 2 / hz[None, :] + 0j, grid, 2 / grid[None, :] + 0j)[0] == pytest.approx([2.0])
+    assert crossings(loops, grid, values)[0].phase_hz.size == 0
+    assert crossings(lambda hz: 2 / hz[None, :] + 0j, grid, 2 / grid[None, :] + 0j)[0].unit_hz == pytest.approx([2.0])
+
+
+def test_crossings_are_exact_to_round_off_in_few_evaluations():
+    """A loop of known crossings: |L| = 1 where sin = 0, and Im L = 0 with Re L < 0 where cos = 0 and falls."""
+    calls = []
+
+    def loops(hz):
+        calls.append(hz.size)
+        x = 40 * np.log(hz)
+        size = np.exp(np.sin(x) + np.sin(x) ** 3)
+        return np.stack([size * np.exp(1j * (np.pi + 0.7)) + 0 * hz, -np.sin(x) + 1j * np.cos(x) ** 3])
+
+    hz = np.geomspace(1.0, 3.0, 300)
+    found = crossings(loops, hz, loops(hz))
+    unit = np.exp(np.arange(1, int(40 * np.log(3.0) / np.pi) + 1) * np.pi / 40)
+    assert found[0].unit_hz == pytest.approx(unit, rel=5e-15)
+    assert abs(found[0].at_unit) == pytest.approx(1.0, abs=1e-12)
+    assert found[0].phase_hz.size == 0
+    # a root of order three is flat: its last digits are those of the cube root of the smallest numbers
+    phase = np.exp((0.5 + 2 * np.arange(7)) * np.pi / 40)
+    assert found[1].phase_hz == pytest.approx(phase[phase < 3.0], rel=1e-7)
+    assert len(calls) < 110
+    calls.clear()
+    crossings(lambda hz: loops(hz)[:1], hz, loops(hz)[:1])
+    assert len(calls) < 16

@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 import numpy.typing as npt
 import xarray as xr
 
-from flexplant.blocks.sampled import SampledBlock
 from flexplant.loop.close import linear_only
 from flexplant.loop.diagram import Diagram
 from flexplant.loop.wiring import NONE
-from flexplant.model.arrays import IntArray
+from flexplant.model.arrays import FloatArray, IntArray
 from flexplant.plant.modal import ModalPlant
 from flexplant.plant.state_space import Descriptor, StateSpace
 from flexplant.response import frequency as plant_frequency
@@ -31,16 +31,9 @@ def frequency_response(system: Linear, frequency_hz: npt.ArrayLike, *, out: Comp
     """
     if not isinstance(system, Diagram):
         return plant_frequency.frequency_response(system, frequency_hz, out=out)
-    linear_only(system)
-    hz = plant_frequency.checked_frequencies(frequency_hz)
+    prepared, hz = DiagramResponse(system), plant_frequency.checked_frequencies(frequency_hz)
     memory = plant_frequency.checked_memory(out, (len(system.outputs), len(system.inputs), hz.size))
-    y = np.moveaxis(_port_responses(system, hz)[:, system.wiring.readout], 0, -1)
-    return xr.DataArray(
-        plant_frequency.written(y, memory),
-        dims=("output", "input", "frequency"),
-        coords={"output": list(system.outputs), "input": list(system.inputs), "frequency": hz},
-        name="frequency_response",
-    )
+    return _labelled(system, hz, plant_frequency.written(prepared(hz), memory))
 
 
 def frequency_response_blocks(system: Linear, frequency_hz: npt.ArrayLike, *, block: int | None = None) -> Iterator[xr.DataArray]:
@@ -51,28 +44,58 @@ def frequency_response_blocks(system: Linear, frequency_hz: npt.ArrayLike, *, bl
     """
     if not isinstance(system, Diagram):
         return plant_frequency.frequency_response_blocks(system, frequency_hz, block=block)
-    linear_only(system)
-    hz = plant_frequency.checked_frequencies(frequency_hz)
+    prepared, hz = DiagramResponse(system), plant_frequency.checked_frequencies(frequency_hz)
     parts = plant_frequency.parts(hz, len(system.outputs) * len(system.inputs), block)
-    return (frequency_response(system, part) for part in parts)
+    return (_labelled(system, part, prepared(part)) for part in parts)
 
 
-def _port_responses(diagram: Diagram, hz: npt.NDArray[np.float64]) -> ComplexArray:
-    """(nf, ny, nw) response of every output port to the external inputs."""
-    wiring, names = diagram.wiring, list(diagram.blocks)
-    y = np.zeros((hz.size, len(wiring.output_ports), wiring.n_external), dtype=complex)
-    for stage in diagram.stages:
-        members = [names.index(name) for name in stage]
-        rows, columns = np.isin(wiring.output_block, members), np.isin(wiring.input_block, members)
-        G = np.zeros((hz.size, int(rows.sum()), int(columns.sum())), dtype=complex)
-        for name, k in zip(stage, members, strict=True):
-            inside = np.ix_(wiring.output_block[rows] == k, wiring.input_block[columns] == k)
-            block = diagram.blocks[name]
-            assert not isinstance(block, SampledBlock)
-            values = plant_frequency.frequency_response(block, hz).values
-            G[:, inside[0], inside[1]] = np.moveaxis(values, -1, 0)
-        y[:, rows] = G @ _stage_inputs(diagram, y, G, np.flatnonzero(rows), np.flatnonzero(columns))
-    return y
+def _labelled(system: Diagram, hz: FloatArray, values: ComplexArray) -> xr.DataArray:
+    return xr.DataArray(
+        values,
+        dims=("output", "input", "frequency"),
+        coords={"output": list(system.outputs), "input": list(system.inputs), "frequency": hz},
+        name="frequency_response",
+    )
+
+
+class _Stage(NamedTuple):
+    """The blocks of a stage: its output and input ports, and each block's response and places among them."""
+
+    outputs: IntArray
+    inputs: IntArray
+    blocks: list[tuple[Callable[[FloatArray, None], ComplexArray], Any]]
+
+
+class DiagramResponse:
+    """hz (nf,) ascending -> (nz, nw, nf) response of a diagram; what does not depend on the frequency is made once."""
+
+    def __init__(self, diagram: Diagram) -> None:
+        linear_only(diagram)
+        self.diagram, names = diagram, list(diagram.blocks)
+        prepared = {k: plant_frequency.evaluator(cast(Any, block)) for k, block in enumerate(diagram.blocks.values())}
+        wiring, self._stages = diagram.wiring, list[_Stage]()
+        for stage in diagram.stages:
+            members = [names.index(name) for name in stage]
+            outputs, inputs = (np.flatnonzero(np.isin(b, members)) for b in (wiring.output_block, wiring.input_block))
+            inside = [np.ix_(wiring.output_block[outputs] == k, wiring.input_block[inputs] == k) for k in members]
+            self._stages.append(_Stage(outputs, inputs, [(prepared[k], at) for k, at in zip(members, inside, strict=True)]))
+
+    def __call__(self, hz: FloatArray) -> ComplexArray:
+        """(nz, nw, nf); InputError on an undamped pole."""
+        y = np.zeros((hz.size, len(self.diagram.wiring.output_ports), self.diagram.wiring.n_external), dtype=complex)
+        for stage in self._stages:
+            G = np.zeros((hz.size, stage.outputs.size, stage.inputs.size), dtype=complex)
+            for evaluate, inside in stage.blocks:
+                G[:, inside[0], inside[1]] = np.moveaxis(evaluate(hz, None), -1, 0)
+            y[:, stage.outputs] = G @ _stage_inputs(self.diagram, y, G, stage.outputs, stage.inputs)
+        return np.moveaxis(y[:, self.diagram.wiring.readout], 0, -1)
+
+    def at(self, hz: FloatArray) -> ComplexArray:
+        """The response at frequencies in any order."""
+        if (hz[1:] >= hz[:-1]).all():
+            return self(hz)
+        ascending, index = np.unique(hz, return_inverse=True)
+        return self(ascending)[:, :, index]
 
 
 def _stage_inputs(diagram: Diagram, y: ComplexArray, G: ComplexArray, outputs: IntArray, inputs: IntArray) -> ComplexArray:

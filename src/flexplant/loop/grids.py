@@ -8,7 +8,7 @@ from flexplant.blocks.sampled import SampledBlock
 from flexplant.errors import InputError
 from flexplant.loop.close import close, linear_only
 from flexplant.loop.diagram import Diagram
-from flexplant.loop.frequency import ComplexArray, frequency_response
+from flexplant.loop.frequency import ComplexArray, DiagramResponse
 from flexplant.model.arrays import FloatArray
 from flexplant.plant.modal import ModalPlant
 from flexplant.plant.state_space import StateSpace
@@ -38,8 +38,9 @@ def adaptive_grid(
         return grids.adaptive_grid(close(system), low_hz, high_hz, per_mode=per_mode, per_decade=per_decade)
     parts = [grids.adaptive_grid(b, low_hz, high_hz, per_mode=per_mode, per_decade=per_decade) for b in blocks]
 
+    prepared = DiagramResponse(system)
+
     def entries(hz: FloatArray) -> ComplexArray:
-        ascending, index = np.unique(hz, return_inverse=True)
-        return frequency_response(system, ascending).values.reshape(-1, ascending.size)[:, index]
+        return prepared.at(hz).reshape(-1, hz.size)
 
     return refined_grid(entries, np.unique(np.concatenate(parts)))[0]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -13,12 +12,12 @@ import xarray as xr
 from flexplant.blocks.sampled import SampledBlock
 from flexplant.loop.breaking import checked_signals, cut_open
 from flexplant.loop.diagram import Diagram
-from flexplant.loop.frequency import ComplexArray, frequency_response
+from flexplant.loop.frequency import ComplexArray, DiagramResponse
 from flexplant.loop.loop_peaks import sensitivity_peaks
 from flexplant.model.arrays import FloatArray
 from flexplant.plant.modal import ModalPlant
 from flexplant.plant.state_space import StateSpace
-from flexplant.response.crossings import Loops, gain_crossings, phase_crossings, refined_grid, widened
+from flexplant.response.crossings import Loops, crossings, refined_grid, widened
 from flexplant.response.frequency import checked_frequencies
 from flexplant.response.grids import adaptive_grid
 from flexplant.response.margins import Margins, disk_margin_of, loop_margins_at
@@ -44,9 +43,10 @@ def loop_response(diagram: Diagram, at: str | Sequence[str], frequency_hz: npt.A
     nearest name) for signals that do not exist, and for nonlinear or mixed-rate diagrams.
     """
     loops = _BrokenLoops(diagram, checked_signals(diagram, at))
-    found, grid = _margins(loops)
-    hz = grid if frequency_hz is None else checked_frequencies(frequency_hz)
-    L = loops.gain(hz)
+    wanted = None if frequency_hz is None else checked_frequencies(frequency_hz)
+    found, hz, L = _margins(loops)
+    if wanted is not None:
+        hz, L = wanted, loops.gain(wanted)
     identity = np.eye(len(loops.signals))[:, :, None]
     S: ComplexArray = np.array(np.moveaxis(np.linalg.inv(np.moveaxis(identity + L, -1, 0)), 0, -1), dtype=complex)
     T: ComplexArray = identity - S
@@ -75,24 +75,25 @@ def loop_margins(diagram: Diagram, at: str | Sequence[str]) -> Margins:
     return _margins(_BrokenLoops(diagram, checked_signals(diagram, at)))[0]
 
 
-@dataclass(frozen=True, eq=False)
 class _BrokenLoops:
-    diagram: Diagram
-    signals: list[str]
+    """A diagram broken at signals, its blocks prepared for many evaluations."""
 
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "opened", cut_open(self.diagram, self.signals))
-
-    opened: Diagram = None  # type: ignore[assignment]
+    def __init__(self, diagram: Diagram, signals: list[str]) -> None:
+        self.diagram, self.signals, self.opened = diagram, signals, cut_open(diagram, signals)
+        self._response = DiagramResponse(self.opened)
 
     def gain(self, hz: FloatArray) -> ComplexArray:
         """(r, r, nf) L, at frequencies in any order."""
-        ascending, index = np.unique(hz, return_inverse=True)
-        return np.asarray(-frequency_response(self.opened, ascending).values[:, :, index], dtype=complex)
+        return np.asarray(-self._response.at(hz), dtype=complex)
 
     def loops(self, hz: FloatArray) -> ComplexArray:
         """(r, nf) each loop with the others closed."""
         return one_at_a_time(self.gain(hz))
+
+    def both(self, hz: FloatArray) -> ComplexArray:
+        """(r + r r, nf) each loop with the others closed, then the entries of L."""
+        L = self.gain(hz)
+        return np.concatenate([one_at_a_time(L), L.reshape(-1, hz.size)])
 
 
 def one_at_a_time(L: ComplexArray) -> ComplexArray:
@@ -107,17 +108,15 @@ def one_at_a_time(L: ComplexArray) -> ComplexArray:
     return out
 
 
-def _margins(loops: _BrokenLoops) -> tuple[Margins, FloatArray]:
-    """The margins, and the grid that showed the crossings."""
+def _margins(loops: _BrokenLoops) -> tuple[Margins, FloatArray, ComplexArray]:
+    """The margins, and the grid that showed the crossings with L on it."""
+    r = len(loops.signals)
     peaks = sensitivity_peaks(loops.diagram, loops.signals)
-    grid, values = refined_grid(loops.loops, search_grid(loops.opened, loops.loops))
-    every = []
-    crossings = zip(gain_crossings(loops.loops, grid, values), phase_crossings(loops.loops, grid, values), strict=True)
-    for k, (unit, phase) in enumerate(crossings):
-        at = [loops.loops(hz)[k] if hz.size else np.zeros(0, dtype=complex) for hz in (unit, phase)]
-        every.append(loop_margins_at(loops.signals[k], unit, at[0], phase, at[1]))
+    grid, values = refined_grid(loops.both, search_grid(loops.opened, loops.loops), r)
+    found = zip(loops.signals, crossings(loops.loops, grid, values[:r]), strict=True)
+    every = tuple(loop_margins_at(name, *one) for name, one in found)
     stable = bool(np.isfinite(peaks["S"].value))
-    return Margins(stable, tuple(every), disk_margin_of(peaks["half"]), peaks["S"], peaks["T"]), grid
+    return Margins(stable, every, disk_margin_of(peaks["half"]), peaks["S"], peaks["T"]), grid, values[r:].reshape(r, r, -1)
 
 
 def search_grid(diagram: Diagram, loops: Loops) -> FloatArray:

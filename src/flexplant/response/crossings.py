@@ -7,7 +7,7 @@ is then exact to round-off. What can be missed: two crossings between neighbouri
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TypeAlias
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -22,26 +22,33 @@ MOST_POINTS = 400_000
 MOST_DECADES = 15
 FLAT = 0.05  # decades of gain in a decade of frequency, below which a loop has settled
 SHARE = 0.48  # of an interval, where it is divided: not the middle, where an undamped mode may lie between two points
+GAIN, PHASE = 0, 1  # kinds of crossings
+NEIGHBOURS = 2e-15  # relative length of an interval that is not divided further
+MOST_STEPS = 200
 REAL = 1e-6  # largest imaginary part, relative, of a crossing of the real axis; a pole between two points has more
 
 
-def refined_grid(loops: Loops, hz: FloatArray) -> tuple[FloatArray, ComplexArray]:
-    """(nf,) ascending Hz and (r, nf) values: intervals of `hz` are divided until every loop is nearly straight within each."""
-    values = loops(hz)
-    a, b, va, vb = hz[:-1], hz[1:], values[:, :-1], values[:, 1:]
+def refined_grid(response: Loops, hz: FloatArray, judged: int | None = None) -> tuple[FloatArray, ComplexArray]:
+    """(nf,) ascending Hz and (r, nf) values: intervals of `hz` are divided until every row is nearly straight within each.
+
+    judged: how many rows, from the first, decide; all by default.
+    """
+    values, rows = response(hz), slice(judged)
+    a, b, va, vb = hz[:-1], hz[1:], values[rows, :-1], values[rows, 1:]
     found = [(hz, values)]
     size = hz.size
     while a.size and size + a.size <= MOST_POINTS:
         middle = a + SHARE * (b - a)
-        vm = loops(middle)
-        found.append((middle, vm))
+        every = response(middle)
+        found.append((middle, every))
+        vm = every[rows]
         size += middle.size
         bent = (abs(vm - va - SHARE * (vb - va)) > BEND * abs(vm)).any(axis=0) & (b - a > SHORTEST * b)
         a, b = np.r_[a[bent], middle[bent]], np.r_[middle[bent], b[bent]]
         va, vb = np.hstack([va[:, bent], vm[:, bent]]), np.hstack([vm[:, bent], vb[:, bent]])
-    every = np.concatenate([part for part, _ in found])
-    order = np.argsort(every)
-    return every[order], np.concatenate([part for _, part in found], axis=1)[:, order]
+    points = np.concatenate([part for part, _ in found])
+    order = np.argsort(points)
+    return points[order], np.concatenate([part for _, part in found], axis=1)[:, order]
 
 
 def widened(loops: Loops, low: float, high: float, *, upwards: bool = True) -> tuple[float, float]:
@@ -67,49 +74,73 @@ def _heads_for_one(sizes: FloatArray) -> bool:
     return bool(((abs(slope) > FLAT) & (here * slope < 0)).any())
 
 
-def gain_crossings(loops: Loops, hz: FloatArray, values: ComplexArray) -> list[FloatArray]:
-    """For each loop the ascending Hz where |L| = 1."""
-    return _roots(loops, lambda v: np.log(np.maximum(abs(v), 1e-300)), hz, values)
+class Crossings(NamedTuple):
+    """Ascending Hz where |L| = 1, and where L is real and negative, of one loop, and its values there."""
+
+    unit_hz: FloatArray
+    at_unit: ComplexArray
+    phase_hz: FloatArray
+    at_phase: ComplexArray
 
 
-def phase_crossings(loops: Loops, hz: FloatArray, values: ComplexArray) -> list[FloatArray]:
-    """For each loop the ascending Hz where L is real and negative."""
-    found = _roots(loops, lambda v: v.imag, hz, values)
-    return [at[_negative(loops(at)[k])] if at.size else at for k, at in enumerate(found)]
+def crossings(loops: Loops, hz: FloatArray, values: ComplexArray) -> list[Crossings]:
+    """All crossings of each loop, from its values (r, nf) on a grid: gains and phases are closed in on together."""
+    sides = np.stack([_measured(values, np.full(values.shape, kind)) for kind in (GAIN, PHASE)])
+    kind, row, start = np.nonzero(np.sign(sides[:, :, :-1]) * np.sign(sides[:, :, 1:]) < 0)
+    ends = (sides[kind, row, start], sides[kind, row, start + 1])
+    touching = np.nonzero(sides == 0)
+    roots = _closed_in(loops, kind, row, (hz[start], hz[start + 1]), ends)
+    kind, row, roots = (np.r_[x, y] for x, y in zip((kind, row, roots), (*touching[:2], hz[touching[2]]), strict=True))
+    at = loops(roots)[row, np.arange(roots.size)] if roots.size else np.zeros(0, dtype=complex)
+    keep = (kind == GAIN) | ((at.real < 0) & (abs(at.imag) <= REAL * abs(at)))
+    found = []
+    for r in range(len(values)):
+        mine = [np.flatnonzero(keep & (row == r) & (kind == which)) for which in (GAIN, PHASE)]
+        mine = [which[np.argsort(roots[which])] for which in mine]
+        found.append(Crossings(roots[mine[0]], at[mine[0]], roots[mine[1]], at[mine[1]]))
+    return found
 
 
-def _negative(values: ComplexArray) -> npt.NDArray[np.bool_]:
-    return np.asarray((values.real < 0) & (abs(values.imag) <= REAL * abs(values)))
-
-
-def _roots(loops: Loops, measure: Callable[[ComplexArray], FloatArray], hz: FloatArray, values: ComplexArray) -> list[FloatArray]:
-    sides = measure(values)
-    rows, starts = np.nonzero(np.sign(sides[:, :-1]) * np.sign(sides[:, 1:]) < 0)
-    touching, at = np.nonzero(sides == 0)
-    roots = _closed_in(loops, measure, rows, hz[starts], hz[starts + 1], sides[rows, starts], sides[rows, starts + 1])
-    return [np.sort(np.r_[roots[rows == k], hz[at[touching == k]]]) for k in range(len(values))]
+def _measured(values: ComplexArray, kind: IntArray) -> FloatArray:
+    """log |L| or the imaginary part: what changes its sign at a crossing."""
+    return np.asarray(np.where(kind == GAIN, np.log(np.maximum(abs(values), 1e-300)), values.imag))
 
 
 def _closed_in(
-    loops: Loops,
-    measure: Callable[[ComplexArray], FloatArray],
-    rows: IntArray,
-    a: FloatArray,
-    b: FloatArray,
-    fa: FloatArray,
-    fb: FloatArray,
+    loops: Loops, kind: IntArray, row: IntArray, ends: tuple[FloatArray, FloatArray], sides: tuple[FloatArray, FloatArray]
 ) -> FloatArray:
-    """All roots at once: a secant through both ends and a bisection in turn, to neighbouring floating-point numbers."""
-    a, b, fa, fb = a.copy(), b.copy(), fa.copy(), fb.copy()
-    for step in range(120):
-        open_ = np.flatnonzero((b - a > 2e-15 * b) & (fa != 0) & (fb != 0))
-        if not open_.size:
-            break
-        low, high = a[open_], b[open_]
-        share = 0.5 if step % 3 == 2 else np.clip(fa[open_] / (fa[open_] - fb[open_]), 1e-3, 1 - 1e-3)
-        t = low + share * (high - low)
-        f = measure(loops(t))[rows[open_], np.arange(open_.size)]
-        left = np.sign(f) == np.sign(fa[open_])
-        a[open_], fa[open_] = np.where(left, t, low), np.where(left, f, fa[open_])
-        b[open_], fb[open_] = np.where(left, high, t), np.where(left, fb[open_], f)
-    return np.asarray(np.where(abs(fa) < abs(fb), a, b))
+    """All roots at once, to neighbouring floating-point numbers: inverse quadratic interpolation where it is safe, or bisection.
+
+    Source: Chandrupatla 1997. Only the roots that are still open are evaluated.
+    """
+    roots, open_ = np.empty(kind.size), np.arange(kind.size)
+    x1, x2, f1, f2 = *ends, *sides
+    share = np.full(kind.size, 0.5)
+    for _ in range(MOST_STEPS):
+        best = np.where(abs(f1) < abs(f2), x1, x2)
+        done = (abs(x2 - x1) <= NEIGHBOURS * abs(best)) | (f1 == 0) | (f2 == 0)
+        roots[open_[done]] = best[done]
+        if done.all():
+            return roots
+        open_, share = open_[~done], share[~done]
+        x1, x2, f1, f2 = (array[~done] for array in (x1, x2, f1, f2))
+        x = x1 + share * (x2 - x1)
+        f = _measured(loops(x)[row[open_], np.arange(open_.size)], kind[open_])
+        same = np.sign(f) == np.sign(f1)
+        x3, f3 = np.where(same, x1, x2), np.where(same, f1, f2)
+        x2, f2 = np.where(same, x2, x1), np.where(same, f2, f1)
+        x1, f1 = x, f
+        share = _next_share((x1, x2, x3), (f1, f2, f3))
+    roots[open_] = np.where(abs(f1) < abs(f2), x1, x2)
+    return roots
+
+
+def _next_share(x: tuple[FloatArray, ...], f: tuple[FloatArray, ...]) -> FloatArray:
+    """Where to divide [x1, x2], from x1: at the inverse parabola's root if it is monotonic there, in the middle otherwise."""
+    (x1, x2, x3), (f1, f2, f3) = x, f
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        xi, phi, alpha = (x1 - x2) / (x3 - x2), (f1 - f2) / (f3 - f2), (x3 - x1) / (x2 - x1)
+        safe = (1 - np.sqrt(np.maximum(1 - xi, 0.0)) < phi) & (phi < np.sqrt(np.maximum(xi, 0.0)))
+        root = f1 / (f1 - f2) * f3 / (f3 - f2) - alpha * f1 / (f3 - f1) * f2 / (f2 - f3)
+        least = np.minimum(0.5 * NEIGHBOURS * abs(x1) / abs(x2 - x1), 0.5)
+    return np.asarray(np.clip(np.where(safe & np.isfinite(root), root, 0.5), least, 1 - least))
