@@ -12,7 +12,7 @@ import scipy.sparse as sp
 from flexplant.errors import InputError, MissingExtraError, SolverError
 from flexplant.numerics.factorization import BACKENDS, analyze, cholmod_backend, factorize, pardiso_backend, rslab_backend
 
-THERE = {"rslab": rslab_backend.available, "superlu": lambda: True}
+THERE = {"rslab": rslab_backend.available, "superlu": lambda: True, "banded": lambda: True}
 THERE |= {"pardiso": pardiso_backend.available, "cholmod": cholmod_backend.available}
 WHY = {"rslab": "rslab is not installed", "pardiso": "mkl is not installed", "cholmod": "scikit-sparse is not installed"}
 
@@ -21,7 +21,7 @@ def backends(*names):
     return [pytest.param(n, marks=pytest.mark.skipif(not THERE[n](), reason=WHY.get(n, ""))) for n in names]
 
 
-ALL = backends("rslab", "superlu", "pardiso", "cholmod")
+ALL = backends("rslab", "superlu", "pardiso", "cholmod", "banded")
 COMPLEX = backends("rslab", "superlu", "pardiso")
 
 
@@ -53,7 +53,7 @@ def test_solutions_and_inertia_of_shifted_pencils(backend):
         assert factor.solve(np.zeros((k.shape[0], 0))).shape == (k.shape[0], 0)
 
 
-@pytest.mark.parametrize("backend", backends("pardiso", "cholmod"))
+@pytest.mark.parametrize("backend", backends("pardiso", "cholmod", "banded"))
 def test_the_same_as_rslab(backend):
     k, m = grid(20)
     b = np.random.default_rng(5).standard_normal((k.shape[0], 3))
@@ -107,7 +107,7 @@ def test_a_singular_matrix_is_refused_or_blows_up(backend):
         factorize(k, backend=backend).solve(np.ones(3))
 
 
-@pytest.mark.parametrize("backend", backends("pardiso", "cholmod"))
+@pytest.mark.parametrize("backend", backends("pardiso", "cholmod", "banded"))
 def test_a_stored_zero_diagonal_is_no_obstacle_to_an_indefinite_matrix(backend):
     matrix = sp.csr_array(np.array([[2.0, 0.0, 1.0], [0.0, -3.0, 0.0], [1.0, 0.0, 0.0]]))
     factor = factorize(matrix, backend=backend)
@@ -130,10 +130,10 @@ def test_what_is_missing_or_unknown(monkeypatch):
     assert set(BACKENDS) == set(THERE)
 
 
-@pytest.mark.skipif(not cholmod_backend.available(), reason=WHY["cholmod"])
-def test_cholmod_refuses_complex_matrices():
-    with pytest.raises(InputError, match="complex-symmetric"):
-        analyze(1j * grid(4)[0], backend="cholmod")
+@pytest.mark.parametrize("backend", backends("cholmod", "banded"))
+def test_real_backends_refuse_complex_matrices(backend):
+    with pytest.raises(InputError, match=r"complex(-symmetric)?"):
+        analyze(1j * grid(4)[0], backend=backend)
 
 
 @pytest.mark.parametrize("backend", ALL)

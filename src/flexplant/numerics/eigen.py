@@ -11,7 +11,8 @@ import scipy.sparse as sp
 
 from flexplant.errors import SolverError
 from flexplant.model.arrays import FloatArray, dense
-from flexplant.numerics.factorization import Analysis, Factor, analyze, factorize, refuse_above
+from flexplant.numerics.eigen_small import all_modes, shapes, short_lanczos
+from flexplant.numerics.factorization import Analysis, BandedFactor, Factor, analyze, factorize, refuse_above
 from flexplant.numerics.lanczos import BASIS_BYTES, BLOCK, LanczosPairs, Progress, lanczos
 from flexplant.numerics.rank import EPS, split_semidefinite
 from flexplant.numerics.sturm import count_below, gap_below_last, is_cheap
@@ -71,6 +72,29 @@ def dense_eigenpairs(stiffness: Any, mass: Any, rigid: FloatArray) -> Eigenpairs
     values, vectors = _finite_modes(0.5 * (k + k.T), 0.5 * (m + m.T))
     omega2, shapes = np.r_[np.zeros(zero.shape[1]), values], np.hstack([zero, complement @ vectors])
     return Eigenpairs(omega2, shapes, zero.shape[1], residuals(stiffness, mass, omega2, shapes, zero.shape[1]), True)
+
+
+def dense_lowest(
+    factor: Factor, stiffness: Any, mass: Any, max_omega2: float | None, n_modes: int | None
+) -> tuple[Eigenpairs, float]:
+    """The modes of a small held problem with w^2 <= max_omega2, or the first n_modes, or fewer where both are given; and the
+    w^2 of the next one, infinite where there is none. factor: of the stiffness."""
+    if isinstance(factor, BandedFactor) and (found := all_modes(factor, mass)) is not None:
+        omega2, vectors = found
+        keep = _inside(omega2, max_omega2, n_modes)
+        if keep < omega2.size:
+            x = shapes(factor, mass, vectors[:, :keep])
+            return Eigenpairs(omega2[:keep], x, 0, residuals(stiffness, mass, omega2[:keep], x), True), float(omega2[keep])
+    every = dense_eigenpairs(stiffness, mass, np.zeros((mass.shape[0], 0)))
+    keep = _inside(every.omega2, max_omega2, n_modes)
+    following = float(every.omega2[keep]) if keep < every.omega2.size else np.inf
+    return Eigenpairs(every.omega2[:keep], every.vectors[:, :keep], 0, every.residuals[:keep], True), following
+
+
+def _inside(omega2: FloatArray, limit: float | None, n_modes: int | None) -> int:
+    """How many of (k,) ascending w^2 are wanted."""
+    below = omega2.size if limit is None else int(np.count_nonzero(omega2 <= limit))
+    return below if n_modes is None else min(below, n_modes)
 
 
 def _finite_modes(k: FloatArray, m: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -206,7 +230,10 @@ def _searched(
     options: dict[str, Any] = {"block": block, "shift": shift, "below": factor.negative_pivots or 0, "locked": rigid}
     columns = 0
     while True:
-        found = lanczos(factor.solve, problem.mass, ask, memory_limit=memory_limit, progress=progress, **options)
+        fits = rigid is None and block == BLOCK and 16.0 * n * n <= memory_limit
+        found = short_lanczos(factor, problem.mass, ask, progress) if fits and isinstance(factor, BandedFactor) else None
+        if found is None:
+            found = lanczos(factor.solve, problem.mass, ask, memory_limit=memory_limit, progress=progress, **options)
         columns += block * (found.blocks + 1)
         inside = np.ones(found.omega2.size, dtype=bool) if limit is None else found.omega2 <= limit * (1 + 1e-9)
         if limit is None or wanted.count is not None or wanted.n_modes == ask or not inside.all() or found.exhausted:

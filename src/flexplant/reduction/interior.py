@@ -12,7 +12,8 @@ import scipy.linalg as la
 from flexplant.errors import InputError
 from flexplant.model.arrays import FloatArray
 from flexplant.model.dofs import DofSet
-from flexplant.numerics.eigen import Wanted, dense_eigenpairs, shift_invert
+from flexplant.numerics.eigen import Wanted, dense_lowest, shift_invert
+from flexplant.numerics.eigen_small import is_dense
 from flexplant.numerics.lanczos import BASIS_BYTES, Progress
 from flexplant.numerics.sturm import gap_below_last
 from flexplant.reduction.partition import Partition, project, symmetric
@@ -166,10 +167,13 @@ def fixed_interface(
         raise InputError(f"craig_bampton: {n_modes} modes asked, the held model {part.model.name!r} has only {n} DOF")
     if n == 0 or n_modes == 0:
         return Interior(part, none, np.zeros(0), np.inf if n == 0 else 0.0, False, loads, none)
-    if n <= DENSE_LIMIT or (n_modes or 0) > n // 3:
+    factor = part.factor  # a mechanism is named before the eigensolver meets it
+    if n <= DENSE_LIMIT or (n_modes or 0) > n // 3 or is_dense(n, n_modes or 0):
         return _all_dense(part, limit, n_modes, loads)
-    pencil, factor = part.pencil, part.factor
+    pencil = part.pencil
     count = None if limit is None else pencil.count_below(limit)
+    if is_dense(n, count or 0):
+        return _all_dense(part, limit, n_modes, loads)
     room = BASIS_BYTES if part.memory_limit is None else min(BASIS_BYTES, BASIS_SHARE * part.memory_limit)
     wanted = Wanted(n_modes, limit, count)
     found = shift_invert(factor, pencil, wanted, memory_limit=room, verify_count=verify_count, progress=progress)
@@ -184,14 +188,10 @@ def _listed(residuals: FloatArray) -> tuple[float, ...]:
 
 
 def _all_dense(part: Partition, limit: float | None, n_modes: int | None, loads: FloatArray) -> Interior:
-    part.factor  # noqa: B018  a mechanism is named before the eigensolver meets it
-    found = dense_eigenpairs(part.kii, part.mii, np.zeros((part.i.size, 0)))
-    inside = np.count_nonzero(found.omega2 <= limit) if limit is not None else found.omega2.size
-    keep = inside if n_modes is None else min(inside, n_modes)
-    omega2 = _enough(part, found.omega2[:keep], limit, n_modes)
-    complete = float(found.omega2[keep]) if keep < found.omega2.size else np.inf
-    none, rest = np.zeros((part.i.size, 0)), _listed(found.residuals[:keep])
-    return Interior(part, found.vectors[:, :keep], omega2, complete, True, loads, none, residuals=rest)
+    found, following = dense_lowest(part.factor, part.kii, part.mii, limit, n_modes)
+    omega2 = _enough(part, found.omega2, limit, n_modes)
+    none, rest = np.zeros((part.i.size, 0)), _listed(found.residuals)
+    return Interior(part, found.vectors, omega2, following, True, loads, none, residuals=rest)
 
 
 def _enough(part: Partition, omega2: FloatArray, limit: float | None, n_modes: int | None) -> FloatArray:

@@ -20,6 +20,8 @@ from flexplant.numerics.factorization import Analysis, Factor, analyze, factoriz
 from flexplant.reduction.mechanism import described
 
 GROUPED = 20_000  # unknowns from which an ordering by nodes repays the pattern it needs
+SMALL, FEW_FLOPS = 3000, 1e9  # unknowns and flops up to which a banded factor takes less time than a sparse one
+SHARE = 0.25  # of a given memory limit, that the banded factor may take
 SINGULAR = 1e13  # growth of a solve beyond which the interior stiffness is singular to working precision
 SEED = 20190811
 
@@ -93,9 +95,19 @@ class Partition:
     @cached_property
     def analysis(self) -> Analysis:
         """Symbolic analysis of Kii; SolverError where its factor and the constraint modes do not fit in memory."""
-        analysis = analyze(self.kii, backend=self.backend, threads=self.threads)
+        analysis = self._small() or analyze(self.kii, backend=self.backend, threads=self.threads)
         refuse_above(analysis.estimate, self.memory_limit, besides=16.0 * self.i.size * self.b.size)
         return analysis
+
+    def _small(self) -> Analysis | None:
+        """The banded analysis where no backend was asked for, and a small matrix takes little time and memory by it."""
+        if self.backend is not None or self.i.size > SMALL:
+            return None
+        analysis = analyze(self.kii, backend="banded")
+        estimate = analysis.estimate
+        if estimate is None or estimate.flops > FEW_FLOPS:
+            return None
+        return analysis if self.memory_limit is None or estimate.peak_bytes <= SHARE * self.memory_limit else None
 
     @property
     def pencil(self) -> Pencil:

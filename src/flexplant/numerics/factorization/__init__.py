@@ -8,16 +8,28 @@ from typing import Any
 
 from flexplant.errors import InputError, SolverError, expect_count, nearest
 from flexplant.model.arrays import is_number
-from flexplant.numerics.factorization import cholmod_backend, pardiso_backend, rslab_backend, superlu_backend
+from flexplant.numerics.factorization import banded_backend, cholmod_backend, pardiso_backend, rslab_backend, superlu_backend
+from flexplant.numerics.factorization.banded_backend import BandedFactor
 from flexplant.numerics.factorization.protocol import Analysis, Estimate, Factor
 
-__all__ = ["BACKENDS", "Analysis", "Estimate", "Factor", "analyze", "factorize", "installed_memory", "refuse_above"]
+__all__ = [
+    "BACKENDS",
+    "Analysis",
+    "BandedFactor",
+    "Estimate",
+    "Factor",
+    "analyze",
+    "factorize",
+    "installed_memory",
+    "refuse_above",
+]
 
 BACKENDS: dict[str, Callable[..., Analysis]] = {
     "rslab": rslab_backend.analyze,
     "superlu": superlu_backend.analyze,
     "pardiso": pardiso_backend.analyze,
     "cholmod": cholmod_backend.analyze,
+    "banded": banded_backend.analyze,
 }
 
 
@@ -25,7 +37,8 @@ def analyze(matrix: Any, *, backend: str | None = None, threads: int | None = No
     """Symbolic analysis of a sparse symmetric matrix (n, n): its cost estimate, and factors of any matrix of its pattern.
 
     backend: "rslab" (L D L^T; the default where it is installed), "superlu" (LU in symmetric mode, always there), "pardiso"
-    (MKL's, extra `mkl`) or "cholmod" (real matrices only, GPL, extra `cholmod`).
+    (MKL's, extra `mkl`), "cholmod" (real matrices only, GPL, extra `cholmod`) or "banded" (dense blocks along the diagonal of
+    a small real matrix; always there).
     threads: workers, None for the backend's own choice. Raises InputError for an unknown backend, MissingExtraError for one
     that is not installed.
     """

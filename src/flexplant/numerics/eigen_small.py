@@ -1,0 +1,117 @@
+"""Modes of small held models in the standard form C = L^-1 M L^-T of a Cholesky factor K = L L^T: theta = 1 / w^2.
+
+The mass may be singular: massless motions are C's null space. Products with C take two half solutions and no mass norms, so
+that Lanczos spends its time in BLAS. What does not suit these short ways (a basis that loses its digits, a space that closes,
+a mass that is indefinite) is left to the general ones: None comes back.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from scipy.linalg.blas import dgemm, dtrsm
+from scipy.linalg.lapack import dpotrf
+
+from flexplant.model.arrays import FloatArray, dense
+from flexplant.numerics.factorization import BandedFactor
+from flexplant.numerics.lanczos import BLOCK, SEED, TOLERANCE, LanczosPairs, Progress
+
+SURE = 1e-9  # of the largest theta: what is larger is neither round-off nor a massless motion
+NEGATIVE = 1e-10  # of it: a theta below minus that shows an indefinite mass
+CLEAN = 1e-4  # of a block before it was made orthogonal: what is left below that is worth a second time
+SKEW = 1e-2  # smallest to largest pivot of a block's Gram matrix' root, above which one pass makes it orthonormal
+LOST = 1e-10  # of a block before: what is left below that is round-off
+FIRST_TEST, MOST_FIRST, NEXT_TEST = 4, 14, 2  # blocks besides two columns a mode: to the first test, and one more
+MODES_A_BLOCK = 3  # wanted, up to so many; and between tests, each an eigenproblem of the basis
+DENSE_ROWS, DENSE_SHARE = 120, 4  # dense up to so many unknowns, and so many more a mode: what Lanczos takes for them costs more
+
+
+def is_dense(n: int, n_modes: int) -> bool:
+    """Whether all modes of n unknowns cost less than `n_modes` by Lanczos."""
+    return n <= DENSE_ROWS + DENSE_SHARE * n_modes
+
+
+def all_modes(factor: BandedFactor, mass: Any) -> tuple[FloatArray, FloatArray] | None:
+    """w^2 (k,), ascending, and vectors Y (n, k) of C, of all modes that the stiffest and the massless ones do not blur.
+
+    The round-off of an eigensolver is relative to the largest theta, so it spares the lowest w^2. None where the mass is
+    indefinite.
+    """
+    half = factor.forward(dense(mass))
+    theta, vectors = np.linalg.eigh(factor.forward(np.ascontiguousarray(half.T)))
+    if theta[0] < -NEGATIVE * theta[-1]:
+        return None
+    sure = np.count_nonzero(theta > SURE * theta[-1])
+    return 1 / theta[: -sure - 1 : -1], vectors[:, : -sure - 1 : -1]
+
+
+def shapes(factor: BandedFactor, mass: Any, vectors: FloatArray) -> FloatArray:
+    """Mass-normalised x = L^-T y."""
+    x = factor.backward(vectors)
+    return np.asarray(x / np.sqrt(np.einsum("ij,ij->j", x, np.asarray(mass @ x))))
+
+
+def short_lanczos(factor: BandedFactor, mass: Any, n_modes: int, progress: Progress | None = None) -> LanczosPairs | None:
+    """The `n_modes` lowest modes by block Lanczos on C, unrestarted, orthogonal to all before; see `lanczos`.
+
+    None where the general `lanczos` should be asked. Source: Golub and Underwood 1977.
+    """
+    n, block = mass.shape[0], BLOCK
+    basis = np.empty((n, n + block), order="F")
+    projection = np.zeros((n, n))
+    start = factor.forward(mass @ factor.backward(np.random.default_rng(SEED).standard_normal((n, block))))
+    basis[:, :block] = np.linalg.qr(start)[0]
+    used, test = 0, 2 * n_modes + min(FIRST_TEST + n_modes // MODES_A_BLOCK, MOST_FIRST) * block
+    while used + 2 * block <= n:
+        new = slice(used, used + block)
+        image = factor.forward(mass @ factor.backward(np.ascontiguousarray(basis[:, new])))
+        used += block
+        share, rest, coupling = _orthogonal(basis[:, :used], np.asfortranarray(image))
+        projection[used - share.shape[0] : used, new] = share
+        if rest is None:
+            return None
+        basis[:, used : used + block] = rest
+        if used < test:
+            continue
+        theta, s = np.linalg.eigh(projection[:used, :used], UPLO="U")
+        theta, s = theta[: -n_modes - 1 : -1], s[:, : -n_modes - 1 : -1]
+        if theta[-1] <= SURE * theta[0]:
+            return None
+        error = np.linalg.norm(coupling @ s[-block:], axis=0) / theta
+        if progress is not None:
+            progress("modes", float(np.count_nonzero(error <= TOLERANCE)) / n_modes)
+        if (error <= TOLERANCE).all():
+            tail = coupling @ s[-block:] / theta  # one more, implicit, application of C
+            vectors = dgemm(1.0, basis[:, : used + block], np.vstack([s, tail]))
+            return LanczosPairs(1 / theta, shapes(factor, mass, vectors), error, used // block, 0, exhausted=False)
+        test = used + NEXT_TEST * block
+    return None
+
+
+def _orthogonal(basis: FloatArray, image: FloatArray) -> tuple[FloatArray, FloatArray | None, FloatArray]:
+    """H = U^T W of the last two blocks U of V, and Q B = W - U H with Q^T [V, Q] = [0, I].
+
+    The recurrence says that W has no other part in V, so what is taken out of all of V is round-off: first U's part, or an
+    error of V's orthogonality would grow with every block. None for Q where W adds less than a block to V.
+    """
+    local = basis[:, -2 * image.shape[1] :]
+    share = dgemm(1.0, local, image, trans_a=True)
+    rest = _purged(dgemm(-1.0, local, share, beta=1.0, c=image, overwrite_c=True), basis)
+    coupling = np.eye(image.shape[1])
+    largest = float(np.linalg.norm(share))
+    for _ in range(3):
+        triangle, failed = dpotrf(dgemm(1.0, rest, rest, trans_a=True))
+        pivots = np.diagonal(triangle)
+        if failed or pivots.min() <= LOST * largest:
+            return share, None, coupling
+        rest = dtrsm(1.0, triangle, rest, side=1, overwrite_b=True)
+        coupling = triangle @ coupling
+        if pivots.min() > max(CLEAN * largest, SKEW * pivots.max()):
+            break
+        rest, largest = _purged(rest, basis), 1.0
+    return share, rest, coupling
+
+
+def _purged(block: FloatArray, basis: FloatArray) -> FloatArray:
+    return np.asarray(dgemm(-1.0, basis, dgemm(1.0, basis, block, trans_a=True), beta=1.0, c=block, overwrite_c=True))
