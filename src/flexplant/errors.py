@@ -7,7 +7,6 @@ import sys
 from collections.abc import Iterable
 from numbers import Integral
 from pathlib import Path
-from typing import ClassVar
 
 LONGEST, END = 400, 130  # characters of a message, and how many of them are its end, where the next thing to try stands
 
@@ -15,14 +14,15 @@ LONGEST, END = 400, 130  # characters of a message, and how many of them are its
 class FlexplantError(Exception):
     """Base of every error that flexplant raises on purpose.
 
-    Its message is one line, and the middle is left out where what the user gave, and is told again, is very long.
+    Its message is one line (several findings are a line each), and the middle of a line is left out where what the user gave,
+    and is told again, is very long.
     """
 
-    by_line: ClassVar[bool] = False  # True: several findings, a line each
+    def __init__(self, *lines: object) -> None:
+        super().__init__(*(_bounded(str(line)) for line in lines))
 
-    def __init__(self, message: object = "") -> None:
-        lines = str(message).split("\n") if self.by_line else [str(message)]
-        super().__init__("\n".join(map(_bounded, lines)))
+    def __str__(self) -> str:
+        return "\n".join(self.args)
 
 
 def _bounded(text: str) -> str:
@@ -50,8 +50,6 @@ class DiagramError(InputError):
 class StudyError(InputError):
     """A study file that cannot be used; the message gives the line and the allowed values."""
 
-    by_line = True
-
 
 class ReadError(FlexplantError):
     """A file that cannot be read: names the file, and the record and byte offset where these are known."""
@@ -76,8 +74,6 @@ class SolverError(FlexplantError):
 
 class CheckFailedError(FlexplantError):
     """One or more checks of a `CheckReport` failed."""
-
-    by_line = True
 
 
 class MissingExtraError(FlexplantError, ImportError):

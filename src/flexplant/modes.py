@@ -13,7 +13,7 @@ import scipy.sparse as sp
 
 from flexplant.assembly import System, component_rigid_body, coupled_stiffness_scale, stiffness_scale
 from flexplant.errors import InputError, expect, expect_count
-from flexplant.model.arrays import FloatArray, dense, frozen, is_number, is_sparse, items_of, real_values
+from flexplant.model.arrays import FloatArray, dense, frozen, is_number, is_sparse, items_of, real_or_complex, real_values
 from flexplant.model.component import Component, FiniteElementModel
 from flexplant.model.geometry import rigid_body_vectors
 from flexplant.numerics.eigen import Eigenpairs, dense_eigenpairs, sparse_eigenpairs
@@ -260,7 +260,7 @@ def mac(a: npt.ArrayLike, b: npt.ArrayLike) -> FloatArray:
 
 
 def _shapes_of(values: npt.ArrayLike, name: str) -> npt.NDArray[Any]:
-    shapes: npt.NDArray[Any] = np.atleast_2d(frozen(values, np.complex128, what=f"MAC: shapes {name}"))
+    shapes: npt.NDArray[Any] = np.atleast_2d(real_or_complex(values, f"MAC: shapes {name}"))
     if shapes.ndim != 2 or not np.isfinite(shapes).all():
         raise InputError(f"MAC: shapes {name} of shape {shapes.shape}; finite numbers (n, modes) are needed")
     return shapes

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from flexplant.errors import InputError, expect
-from flexplant.model.arrays import real_values
+from flexplant.model.arrays import is_finite, real_values
 from flexplant.plant.fields import checked_names
 from flexplant.plant.state_space import StateSpace
 
@@ -54,7 +54,7 @@ def gain(
     """
     given = real_values(factor, f"gain {name!r:.60}")
     if given.ndim > 2:
-        raise InputError(f"gain {name!r}: factor has shape {given.shape}; use a number, a vector or a (ny, nu) matrix")
+        raise InputError(f"gain {name!r:.60}: factor has shape {given.shape}; use a number, a vector or a (ny, nu) matrix")
     matrix = given if given.ndim == 2 else np.diag(np.atleast_1d(given))
     ny, nu = matrix.shape
     return static(
@@ -81,10 +81,13 @@ def summing_junction(
     """
     if isinstance(signs, str):
         if not signs or set(signs) - set("+-"):
-            raise InputError(f"summing junction {name!r}: signs {signs!r}; use a text of + and -, such as '+-'")
+            raise InputError(f"summing junction {name!r:.60}: signs {signs!r:.60}; use a text of + and -, such as '+-'")
         signs = {f"in{k}": 1.0 if sign == "+" else -1.0 for k, sign in enumerate(signs, 1)}
     if not isinstance(signs, Mapping) or not signs:
         raise InputError(f"summing junction {name!r} has no inputs; give signs such as {{'reference': 1, 'measured': -1}}")
+    for port, sign in signs.items():
+        if not is_finite(sign):
+            raise InputError(f"summing junction {name!r:.60}: sign {sign!r:.60} of {port!r:.60}; give a number such as 1 or -1")
     return static(
         [list(signs.values())],
         inputs=list(signs),

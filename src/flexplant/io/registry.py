@@ -21,7 +21,7 @@ from flexplant.io.options import check_options
 from flexplant.io.parse.files import as_path, checked_file, exists, one_line, read_head
 from flexplant.io.plausibility import warn_if_implausible
 from flexplant.io.recovery_units import recovery_in_si
-from flexplant.model.component import Component, FiniteElementModel
+from flexplant.model.component import Component, FiniteElementModel, check_name
 from flexplant.model.damping import DampingRatio, with_modal_damping
 from flexplant.model.display import DisplayMesh
 from flexplant.model.units import SI, UnitSystem, component_to_si, model_to_si, unit_system
@@ -75,6 +75,8 @@ def _read(what: str, path: str | Path, wanted: str | None, options: dict[str, An
     path, found = recognise(path, wanted, what)
     reader = found.readers[what]
     check_options(reader, options, f"format {found.name!r}")
+    if options.get("name") is not None:
+        check_name(options["name"], "model")
     try:
         with np.errstate(
             over="ignore", invalid="ignore"

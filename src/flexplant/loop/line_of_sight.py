@@ -40,6 +40,7 @@ class LineOfSight:
         focal_length_of(self.focal_length, "line of sight")
         for kind in ("gain", "mirror_omega", "mirror_zeta"):
             object.__setattr__(self, kind, per_axis(getattr(self, kind), self.axes, f"line of sight: {kind}"))
+        _mirror(self)  # says what a mirror cannot be
 
 
 SIGNALS = {"spot": "geometry", "angle": "mirror", "voltage": "controller", "tilt": "lens"}

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import sys
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from typing import Any, TypeAlias, TypeGuard
 
 import numpy as np
@@ -24,7 +24,8 @@ def frozen(array: npt.ArrayLike, dtype: npt.DTypeLike = np.float64, *, what: str
     """A read-only copy of `array` as floats or ints; ModelError for text, ragged lists, and numbers that would be rounded."""
     try:
         given = np.array(array)
-        if given.size and given.dtype.kind not in ("biufc" if np.issubdtype(dtype, np.complexfloating) else "biuf"):
+        numbers = "biufc" if np.issubdtype(dtype, np.complexfloating) else "biuf"
+        if given.size and (given.dtype.kind not in numbers or _is_truth(given)):
             raise ValueError(f"of type {given.dtype}")
         if np.issubdtype(dtype, np.integer) and given.dtype.kind == "f" and not (given == np.round(given)).all():
             raise ValueError("not whole")
@@ -63,17 +64,32 @@ def real_values(values: Any, what: str) -> FloatArray:
     """
     try:
         given = np.asarray(values)
-        if given.dtype.kind in "cSU" or (given.dtype == bool and not given.shape):
+        if given.dtype.kind in "cSU" or _is_truth(given):
             raise ValueError(f"of type {given.dtype}")
         return given.astype(np.float64, copy=False)
     except (TypeError, ValueError, OverflowError) as error:
         raise ModelError(f"{what}: real numbers of one shape are needed ({error})") from None
 
 
+def real_or_complex(values: Any, what: str) -> npt.NDArray[Any]:
+    """`values` as an array of numbers, complex ones too; ModelError for text and ragged lists."""
+    try:
+        given = np.asarray(values)
+        if given.dtype.kind not in "biufc":
+            raise ValueError(f"of type {given.dtype}")
+    except ValueError as error:
+        raise ModelError(f"{what}: numbers of one shape are needed ({error})") from None
+    return given
+
+
+def _is_truth(given: npt.NDArray[Any]) -> bool:
+    return given.dtype == bool and not given.shape
+
+
 def items_of(values: object) -> list[Any] | None:
-    """What is listed in `values` in its order; None for a text and for what has no items or no order."""
+    """What is listed in `values` in its order; None for a text, a mapping, and for what has no items or no order."""
     nothing = isinstance(values, np.ndarray) and not values.shape
-    if nothing or isinstance(values, (str, bytes, set, frozenset)) or not isinstance(values, Iterable):
+    if nothing or isinstance(values, (str, bytes, set, frozenset, Mapping)) or not isinstance(values, Iterable):
         return None
     return list(values)
 

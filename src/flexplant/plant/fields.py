@@ -30,7 +30,7 @@ def checked_names(names: Sequence[str], what: str, owner: str) -> tuple[str, ...
 def checked_units(units: Sequence[str], count: int, what: str, owner: str) -> tuple[str, ...]:
     """One unit text a channel; nothing given means all empty."""
     given = items_of(units)
-    if given is None or not all(isinstance(unit, str) for unit in given):
+    if given is None or not all(isinstance(unit, str) and unit.isprintable() for unit in given):
         raise ModelError(f"{owner}: {what} must be a list of texts, one a channel, got {units!r:.60}")
     out = tuple(given) or ("",) * count
     if len(out) != count:

@@ -44,7 +44,7 @@ def with_dampers(model: FiniteElementModel, dampers: Iterable[tuple[Dof, Dof | N
         if not (is_finite(c) and c >= 0):
             ends = f"{a!r:.60} and {'ground' if b is None else b!r:.60}"
             raise InputError(f"damper between {ends}: c must be finite and not negative, got {c!r:.60}")
-        rows = model.dofs.rows([_dof(end) for end in (a, b) if end is not None], owner=owner)
+        rows = model.dofs.rows([_dof(end) for end in ([a] if b is None else [a, b])], owner=owner)
         relative = sp.csr_array((np.array([1.0, -1.0])[: rows.size], (np.zeros(rows.size, dtype=int), rows)), shape=(1, n))
         total = total + c * (relative.T @ relative)
     return replace(model, damping=total if model.damping is None else sp.csr_array(model.damping) + total)

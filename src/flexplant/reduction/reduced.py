@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from flexplant.errors import InputError, expect
-from flexplant.model.arrays import FloatArray, frozen
+from flexplant.model.arrays import FloatArray, real_or_complex
 from flexplant.model.component import Component
 from flexplant.model.dofs import DofSet
 
@@ -96,7 +96,7 @@ def expand(component: Component, coordinates: npt.ArrayLike) -> FloatArray:
         raise InputError(
             f"expand: component {component.name!r} did not keep its basis; reduce with keep_basis=True ({size:.3g} MB)"
         )
-    p = frozen(coordinates, complex if np.iscomplexobj(coordinates) else float, what="expand: coordinates")
+    p = real_or_complex(coordinates, "expand: coordinates")
     if p.shape[:1] != (component.n,):
         raise InputError(f"expand: got {p.shape[:1]} coordinates, component {component.name!r} has {component.n}")
     return np.asarray(reduced.basis @ p)

@@ -38,7 +38,7 @@ def load_study(path: str | Path, *, allow_outside: bool = False) -> StudySpec:
         problems = list(_problems(error, data))
     if problems:
         told = sorted((_line(lines, place), text) for place, text in problems)
-        raise StudyError("\n".join(f"{path}, line {line}: {text}" for line, text in told[:MAX_PROBLEMS]))
+        raise StudyError(*(f"{path}, line {line}: {text}" for line, text in told[:MAX_PROBLEMS]))
     return study
 
 

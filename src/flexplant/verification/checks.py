@@ -76,7 +76,7 @@ class CheckReport:
         """Raise CheckFailedError that lists every failed check with its explanation."""
         if self.failed:
             lines = [f"{c.name}: {c.value:.6g} {c.unit} (limit {c.limit:.6g}). {c.explanation}" for c in self.failed]
-            raise CheckFailedError(f"{len(lines)} of {len(self.checks)} checks failed:\n  " + "\n  ".join(lines))
+            raise CheckFailedError(f"{len(lines)} of {len(self.checks)} checks failed:", *(f"  {line}" for line in lines))
 
     def __str__(self) -> str:
         rows: list[Sequence[object]] = [("check", "value", "limit", "unit", "", "explanation")]
