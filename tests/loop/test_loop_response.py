@@ -9,14 +9,17 @@ import flexplant as fp
 from flexplant.blocks.transfer_function import transfer_function
 from flexplant.errors import DiagramError, InputError
 from flexplant.loop import margins as routed
+from flexplant.loop import norms
 from flexplant.loop.breaking import cut_open, disturbed
 from flexplant.loop.close import close
 from flexplant.loop.diagram import Diagram
+from flexplant.loop.loop_peaks import sensitivity_peaks
 from flexplant.loop.loop_response import loop_margins, loop_response
 from flexplant.plant.modal import ModalPlant
 from flexplant.plant.state_space import StateSpace
 from flexplant.response.crossings import crossings, refined_grid
 from flexplant.response.margins import margins as by_pencils
+from flexplant.response.norms import hinf_norm as plain_norm
 
 
 def two_axes(n=12, *, rigid=0, zeta=0.005, rate=30.0, stiffness=0.0, seed=0, out="shape_out") -> Diagram:
@@ -83,6 +86,31 @@ def test_margins_are_those_of_the_pencils(options, at):
     assert found.disk.alpha == pytest.approx(exact.disk.alpha, rel=1e-6)
     assert found.sensitivity_peak.value == pytest.approx(exact.sensitivity_peak.value, rel=1e-6)
     assert found.complementary_peak.value == pytest.approx(exact.complementary_peak.value, rel=1e-6)
+
+
+@pytest.mark.parametrize("options", [{}, {"rigid": 2, "stiffness": 300.0}, {"out": "shape_out_velocity", "stiffness": 20.0}])
+@pytest.mark.parametrize("at", [AT, AT[:1], ["law1.f"]])
+@pytest.mark.parametrize("seen", [[], [3.0, 40.0]])
+def test_one_search_finds_the_three_norms(monkeypatch, options, at, seen):
+    """S, T and (S - T) / 2 together, certified, against the Hamiltonian norm of each closed diagram by itself."""
+    diagram = two_axes(**options)
+    one_by_one = {kind: plain_norm(close(system)) for kind, system in disturbed(diagram, at).items()}
+    monkeypatch.setattr(norms, "SMALL", 0)
+    found = sensitivity_peaks(diagram, at, np.array(seen))
+    assert set(found) == set(one_by_one)
+    for kind, peak in found.items():
+        assert peak.value == pytest.approx(one_by_one[kind].value, rel=1e-7)
+        assert peak.lower <= peak.upper <= peak.lower * (1 + 1.1e-7)
+        assert "stable by winding number" in peak.certificate
+
+
+def test_the_peak_of_a_small_loop_gain_keeps_its_digits(monkeypatch):
+    """T of a loop gain of 1e-9 is not what is left of 1 - S."""
+    diagram, at = two_axes(rate=1e-8), ["plant.x0"]
+    exact = plain_norm(close(disturbed(diagram, at)["T"])).value
+    monkeypatch.setattr(norms, "SMALL", 0)
+    assert exact < 1e-6
+    assert sensitivity_peaks(diagram, at, np.zeros(0))["T"].value == pytest.approx(exact, rel=1e-7)
 
 
 def test_margins_do_not_depend_on_the_grid():

@@ -6,7 +6,8 @@ into intervals and one count of unstable poles serve all three.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from functools import partial
 
 import numpy as np
 
@@ -25,7 +26,20 @@ TOLERANCE = 1e-7
 
 @dataclass(frozen=True, eq=False)
 class SensitivityAxis(LoopAxis):
-    """The axis of a loop from disturbances d of its broken signals y to S d = d + y; T d = -y."""
+    """The axis of a loop from disturbances d of its broken signals y to S d = d + y; T d = -y.
+
+    seeds: rad/s where the peaks were seen already, and the search begins.
+    """
+
+    seeds: FloatArray = field(default_factory=lambda: np.zeros(0))
+
+    @property
+    def points(self) -> FloatArray:
+        """Those of `LoopAxis`, and the seeds."""
+        with np.errstate(divide="ignore"):
+            seeds = 1 / self.seeds if self.high else self.seeds
+        ends = super().points
+        return np.unique(np.r_[ends, seeds[(seeds > 0) & (seeds < ends[-1])]])
 
     @property
     def n_gains(self) -> int:
@@ -39,13 +53,15 @@ class SensitivityAxis(LoopAxis):
         return np.stack([largest_singular_values(np.asarray(G, dtype=complex)) for G in (S, T, 0.5 * (S - T))])
 
 
-def sensitivity_peaks(diagram: Diagram, signals: list[str]) -> dict[str, HinfNorm]:
+def sensitivity_peaks(diagram: Diagram, signals: list[str], seen_hz: FloatArray) -> dict[str, HinfNorm]:
     """The norms of S, T and half = (S - T) / 2 of a diagram broken at the signals, infinite with an explanation if unstable.
 
-    Small diagrams, and those without the form of `bordered`, go through `hinf_norm` one by one.
+    seen_hz: where the curves on a grid are highest. Small diagrams, and those without the form of `bordered`, go through
+    `hinf_norm` one by one.
     """
     systems = disturbed(diagram, signals)
     if not has_bordered_form(systems["S"]):
         return {kind: hinf_norm(systems[kind], tolerance=TOLERANCE) for kind in KINDS}
-    found = certified(loop_axes(bordered(systems["S"]), SensitivityAxis), TOLERANCE)
+    axis = partial(SensitivityAxis, seeds=2 * np.pi * seen_hz)
+    found = certified(loop_axes(bordered(systems["S"]), axis), TOLERANCE)
     return dict(zip(KINDS, found, strict=True))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -44,17 +44,13 @@ def loop_response(diagram: Diagram, at: str | Sequence[str], frequency_hz: npt.A
     """
     loops = _BrokenLoops(diagram, checked_signals(diagram, at))
     wanted = None if frequency_hz is None else checked_frequencies(frequency_hz)
-    found, hz, L = _margins(loops)
-    if wanted is not None:
-        hz, L = wanted, loops.gain(wanted)
-    identity = np.eye(len(loops.signals))[:, :, None]
-    S: ComplexArray = np.array(np.moveaxis(np.linalg.inv(np.moveaxis(identity + L, -1, 0)), 0, -1), dtype=complex)
-    T: ComplexArray = identity - S
+    found, curves = _margins(loops)
+    hz, L, S, T, sizes = curves if wanted is None else _curves(wanted, loops.gain(wanted))
     with np.errstate(divide="ignore"):
-        disk = 1 / stacked_singular_values(0.5 * (S - T))[:, 0]
-    matrix, pairs = ("signal", "injected", "frequency"), {"L": L, "S": S, "T": T}
-    data: dict[str, Any] = {name: (matrix, values) for name, values in pairs.items()}
-    data |= {f"{name}_singular": (("frequency", "index"), stacked_singular_values(values)) for name, values in pairs.items()}
+        disk = 1 / sizes["half"][:, 0]
+    matrix = ("signal", "injected", "frequency")
+    data: dict[str, Any] = {"L": (matrix, L), "S": (matrix, S), "T": (matrix, T)}
+    data |= {f"{name}_singular": (("frequency", "index"), sizes[name]) for name in ("L", "S", "T")}
     data |= {"loop": (("signal", "frequency"), one_at_a_time(L)), "disk": (("frequency",), disk), **_scalars(found)}
     coords = {
         "signal": loops.signals,
@@ -73,6 +69,24 @@ def loop_margins(diagram: Diagram, at: str | Sequence[str]) -> Margins:
     finding. Disk margin and peaks of S and T: `hinf_norm`, certified where that is. Raises the errors of `loop_response`.
     """
     return _margins(_BrokenLoops(diagram, checked_signals(diagram, at)))[0]
+
+
+class _Curves(NamedTuple):
+    """L, S and T (r, r, nf) on a grid, and the singular values (nf, r) of L, S, T and half = (S - T) / 2 by name."""
+
+    hz: FloatArray
+    L: ComplexArray
+    S: ComplexArray
+    T: ComplexArray
+    sizes: dict[str, FloatArray]
+
+
+def _curves(hz: FloatArray, L: ComplexArray) -> _Curves:
+    identity = np.eye(L.shape[0])[:, :, None]
+    S: ComplexArray = np.array(np.moveaxis(np.linalg.inv(np.moveaxis(identity + L, -1, 0)), 0, -1), dtype=complex)
+    T: ComplexArray = identity - S
+    named = {"L": L, "S": S, "T": T, "half": 0.5 * (S - T)}
+    return _Curves(hz, L, S, T, {name: stacked_singular_values(values) for name, values in named.items()})
 
 
 class _BrokenLoops:
@@ -108,15 +122,17 @@ def one_at_a_time(L: ComplexArray) -> ComplexArray:
     return out
 
 
-def _margins(loops: _BrokenLoops) -> tuple[Margins, FloatArray, ComplexArray]:
-    """The margins, and the grid that showed the crossings with L on it."""
+def _margins(loops: _BrokenLoops) -> tuple[Margins, _Curves]:
+    """The margins, and the curves on the grid that showed the crossings and where the peaks are."""
     r = len(loops.signals)
-    peaks = sensitivity_peaks(loops.diagram, loops.signals)
     grid, values = refined_grid(loops.both, search_grid(loops.opened, loops.loops), r)
+    curves = _curves(grid, values[r:].reshape(r, r, -1))
+    seen = np.array([grid[curves.sizes[name][:, 0].argmax()] for name in ("S", "T", "half")])
+    peaks = sensitivity_peaks(loops.diagram, loops.signals, seen)
     found = zip(loops.signals, crossings(loops.loops, grid, values[:r]), strict=True)
     every = tuple(loop_margins_at(name, *one) for name, one in found)
     stable = bool(np.isfinite(peaks["S"].value))
-    return Margins(stable, every, disk_margin_of(peaks["half"]), peaks["S"], peaks["T"]), grid, values[r:].reshape(r, r, -1)
+    return Margins(stable, every, disk_margin_of(peaks["half"]), peaks["S"], peaks["T"]), curves
 
 
 def search_grid(diagram: Diagram, loops: Loops) -> FloatArray:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from flexplant.blocks.sampled import SampledBlock
@@ -52,7 +54,7 @@ def has_bordered_form(diagram: Diagram) -> bool:
     return states > SMALL and modal and diagram.dt is None and unknowns <= UNKNOWNS
 
 
-def loop_axes(loop: Bordered, kind: type[LoopAxis] = LoopAxis) -> tuple[LoopAxis, LoopAxis]:
+def loop_axes(loop: Bordered, kind: Callable[..., LoopAxis] = LoopAxis) -> tuple[LoopAxis, LoopAxis]:
     """The frequencies up to twice the fastest pole of any block by itself, and those above."""
     poles = np.linalg.eigvals(loop.A) if loop.A.size else np.zeros(0)
     every = np.concatenate([[0.0], abs(poles), loop.omega, *(plant.omega for plant in loop.plants)])
