@@ -170,8 +170,9 @@ def test_damping_in_the_file(copied) -> None:
     replaced = read_component(copied / "inboard.op4", damping=0.0)
     assert not replaced.damping.any()
     peer.write(str(copied / "inboard.op4"), matrices | {"k4xx": 0.02 * plain.stiffness})
+    assert np.array_equal(read_component(copied / "inboard.op4").structural_damping, 0.02 * plain.stiffness)
     with pytest.raises(ReadError, match="structural damping"):
-        read_component(copied / "inboard.op4")
+        read_component(copied / "inboard.op4", structural="error")
     assert np.array_equal(read_component(copied / "inboard.op4", structural="ignore").damping, viscous)
     with pytest.raises(InputError, match="structural='sometimes'"):
         read_component(copied / "inboard.op4", structural="sometimes")

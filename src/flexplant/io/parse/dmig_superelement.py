@@ -13,13 +13,14 @@ from typing import Any
 
 import numpy as np
 
-from flexplant.errors import InputError, ReadError
+from flexplant.errors import ReadError
 from flexplant.io.parse.bulk import Card
 from flexplant.io.parse.coordinates import Geometry
 from flexplant.io.parse.dmig import RECTANGULAR, Dmig, dmig_matrices
 from flexplant.io.parse.dti import recovery_tables
 from flexplant.io.parse.files import provenance
 from flexplant.io.parse.names import name_from
+from flexplant.io.parse.structural import check_choice, taken
 from flexplant.io.parse.superelement_dofs import GEOMETRY_CARDS, card_pairs, listed_pairs, modal_ids
 from flexplant.model.arrays import Matrix, dense
 from flexplant.model.component import Component
@@ -36,15 +37,17 @@ def dmig_component(
     structural: str,
     made_by: tuple[str, str],
     beside: tuple[Path, ...] = (),
+    selected: str | None = None,
 ) -> Component:
-    """The component; suffix and structural as in `read_component` of the formats; made_by: format and reader, for provenance."""
-    if structural not in ("error", "ignore"):
-        raise InputError(f"structural={structural!r}: use 'error' or 'ignore'")
+    """The component; suffix and structural as in `read_component` of the formats; made_by: format and reader, for provenance.
+
+    selected: the name that case control selects as structural damping (K42GG), where it does.
+    """
+    check_choice(structural)
     matrices = dmig_matrices(cards)
     found = _suffix(path, matrices, suffix)
     used = {kind: matrices.get(letter + found) for kind, letter in (("mass", "M"), ("stiffness", "K"), ("damping", "B"))}
-    if f"K4{found}" in matrices and structural != "ignore":
-        raise ReadError(path, f"has structural damping K4{found}; pass structural='ignore' and give modal damping")
+    used["structural_damping"] = _structural(path, matrices, f"K4{found}", selected, structural)
     dofs, n_boundary = _dofs(cards, [m for m in used.values() if m is not None])
     modal = np.arange(len(dofs)) >= n_boundary
     boundary = DofSet(dofs.node[~modal], dofs.direction[~modal])
@@ -61,6 +64,18 @@ def dmig_component(
         modal_ids=modal_ids(dofs, modal),
         source=provenance(path, *made_by, beside) | {"unused": [n for n in matrices if n not in known]},
     )
+
+
+def _structural(path: Path, matrices: dict[str, Dmig], usual: str, selected: str | None, structural: str) -> Dmig | None:
+    """K4 with the suffix of the others, or what case control selects as K42GG; ReadError where that is missing or another."""
+    if selected in (None, usual):
+        return taken(path, matrices.get(usual), structural, usual)
+    if structural == "read" and (selected not in matrices or usual in matrices):
+        problem = f"has {usual} too" if usual in matrices else f"has the DMIG matrices {', '.join(matrices)}"
+        raise ReadError(
+            path, f"selects the structural damping K42GG = {selected}, but {problem}; structural='ignore' does without"
+        )
+    return taken(path, matrices.get(str(selected)), structural, str(selected))
 
 
 def _suffix(path: Path, matrices: dict[str, Dmig], asked: str | None) -> str:

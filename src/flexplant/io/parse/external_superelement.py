@@ -13,12 +13,13 @@ from typing import Any
 
 import numpy as np
 
-from flexplant.errors import InputError, ReadError
+from flexplant.errors import ReadError
 from flexplant.io.parse.bulk import Card, read_cards
 from flexplant.io.parse.coordinates import Geometry
 from flexplant.io.parse.dti import recovery_tables
 from flexplant.io.parse.files import provenance
 from flexplant.io.parse.names import name_from
+from flexplant.io.parse.structural import check_choice, present, taken
 from flexplant.io.parse.superelement_dofs import GEOMETRY_CARDS, modal_ids, row_dofs
 from flexplant.model.arrays import Matrix, is_sparse
 from flexplant.model.component import Component
@@ -34,11 +35,11 @@ def external_superelement(
 ) -> Component:
     """The component; beside: the `.pch` and `.asm` that there are; made_by: format and reader, for the provenance.
 
-    Raises ReadError where the matrices and the cards do not fit together, InputError for another `structural`.
+    structural: see `flexplant.io.parse.structural`. Raises ReadError where the matrices and the cards do not fit together,
+    InputError for another `structural`.
     """
-    if structural not in ("error", "ignore"):
-        raise InputError(f"structural={structural!r}: use 'error' or 'ignore'")
-    matrices = {k: m for k, m in matrices.items() if not _absent(m)}
+    check_choice(structural)
+    matrices = {k: m for k, m in matrices.items() if present(m) is not None}
     cards = [card for file in beside for card in read_cards(file)]
     dofs, modal = row_dofs(path, cards)
     order = np.r_[np.flatnonzero(~modal), np.flatnonzero(modal)]
@@ -46,12 +47,12 @@ def external_superelement(
     for kind in ("stiffness", "mass"):
         if used[kind] is None:
             raise ReadError(path, f"has no {kind} matrix {' or '.join(NAMES[kind])}; it holds {', '.join(matrices)}")
-    if used["structural"] is not None and structural != "ignore":
-        raise ReadError(path, "has structural damping (K4); pass structural='ignore' to leave it out, and give modal damping")
+    loss = taken(path, used["structural"], structural, "K4")
     recovery = _recovery(path, matrices, cards, order)
     boundary = DofSet(dofs.node[~modal], dofs.direction[~modal])
     geometry = Geometry.of(card for card in cards if card.name in GEOMETRY_CARDS)
-    known = {n for names in NAMES.values() for n in names} | {r.name.upper() for r in recovery}
+    left_out = () if loss is not None else NAMES["structural"]
+    known = {n for names in NAMES.values() for n in names if n not in left_out} | {r.name.upper() for r in recovery}
     source = provenance(path, *made_by, beside)
     source["unused"] = [f"{k} {m.shape}" for k, m in matrices.items() if k not in known]
     return Component(
@@ -59,17 +60,13 @@ def external_superelement(
         mass=_ordered(used["mass"], order),
         stiffness=_ordered(used["stiffness"], order),
         damping=None if used["viscous"] is None else _ordered(used["viscous"], order),
+        structural_damping=None if loss is None else _ordered(loss, order),
         boundary=boundary,
         nodes=geometry.nodes(boundary.nodes),
         recovery={r.name: r for r in recovery},
         modal_ids=modal_ids(dofs, modal),
         source=source,
     )
-
-
-def _absent(matrix: Matrix) -> bool:
-    """Nastran writes a 1 x 1 zero for what is not there."""
-    return bool(matrix.shape == (1, 1) and not abs(matrix).max())
 
 
 def _square(path: Path, matrices: dict[str, Matrix], names: tuple[str, ...], n: int) -> Matrix | None:

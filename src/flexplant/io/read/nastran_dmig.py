@@ -11,11 +11,12 @@ from pathlib import Path
 from flexplant.io.formats import Format
 from flexplant.io.parse.bulk import read_cards
 from flexplant.io.parse.dmig_superelement import dmig_component
-from flexplant.io.parse.files import sibling
+from flexplant.io.parse.files import read_bytes, sibling
 from flexplant.model.component import Component
 
 DMIG_LINE = re.compile(rb"^DMIG\b", re.MULTILINE)
 PUNCH_LINE = re.compile(rb"^(\$ STANDARD PUNCH|BEGIN +SUPER|ASET|GRID|SPOINT)", re.MULTILINE)
+K42GG = re.compile(rb"^\s*K42GG\s*=\s*(\S.*?)\s*$", re.MULTILINE | re.IGNORECASE)  # case control
 HEAD = 65536  # the first DMIG may come after long comments and geometry
 
 
@@ -31,14 +32,17 @@ def sniff(head: bytes, path: Path) -> bool:
         return bool(DMIG_LINE.search(stream.read(HEAD)))
 
 
-def read_component(path: Path, *, name: str | None = None, suffix: str | None = None, structural: str = "error") -> Component:
+def read_component(path: Path, *, name: str | None = None, suffix: str | None = None, structural: str = "read") -> Component:
     """The superelement as a component in the file's units.
 
     suffix: of the matrices' names where a file holds several sets, such as "10" for K10, M10. structural: what to do with
-    structural damping (K410), "error" or "ignore". source["unused"] names the matrices that were left out.
+    structural damping (K410): "read" it, or what case control selects as K42GG, as D of K + i D, "ignore" it, or
+    "error". source["unused"] names the matrices that were left out.
     """
-    made_by = (FORMAT.name, __name__)
-    return dmig_component(path, read_cards(path), name=name, suffix=suffix, structural=structural, made_by=made_by)
+    made_by, cards = (FORMAT.name, __name__), read_cards(path)
+    chosen = K42GG.search(read_bytes(path))
+    selected = None if chosen is None else chosen[1].decode("ascii", "replace").upper()
+    return dmig_component(path, cards, name=name, suffix=suffix, structural=structural, made_by=made_by, selected=selected)
 
 
 FORMAT = Format(

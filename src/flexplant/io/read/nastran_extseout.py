@@ -27,12 +27,12 @@ def sniff(head: bytes, path: Path) -> bool:
     return beside and sidecar_path(path) is None and looks_like_op4(head)
 
 
-def read_component(path: Path, *, name: str | None = None, structural: str = "error") -> Component:
+def read_component(path: Path, *, name: str | None = None, structural: str = "read") -> Component:
     """The superelement as a component in the file's units.
 
-    structural: what to do with structural damping K4 in the file, which has no place in a real Z: "error" or "ignore".
-    Viscous damping becomes the component's damping. Reduced loads (PX) are not part of a component; source["unused"] names
-    them with every other matrix that was left out.
+    structural: what to do with structural damping K4 in the file: "read" it as the component's structural_damping D (K + i D),
+    "ignore" it, or "error". Overall damping (PARAM,G) is not in the file. Viscous damping becomes the component's damping.
+    Reduced loads (PX) are not part of a component; source["unused"] names them with every other matrix that was left out.
     """
     op4, asm, pch = _files(path)
     beside = tuple(file for file in (pch, asm) if file is not None)

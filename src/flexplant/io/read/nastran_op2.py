@@ -1,6 +1,7 @@
 """Nastran OUTPUT2 superelements: tables of a NAS2CAM run with its `.op4`, DMIG entries, or matrices.
 
-NAS2CAM: `.op2` has SLIST, USET, EQEXIN, CSTM and BGPDT of each superelement, the `.op4` with the same stem its maa, kaa (baa).
+NAS2CAM: `.op2` has SLIST, USET, EQEXIN, CSTM and BGPDT of each superelement, the `.op4` with the same stem its maa, kaa (baa,
+k4aa).
 EXTSEOUT with DMIGOP2: DMIG entries, which name their DOF; `.asm` and `.pch` with the same stem add sets and positions
 (`flexplant.io.parse.dmig_superelement`). Matrices KAA or KXX, MAA or MXX, ... with `.asm` and `.pch` that say what the rows are:
 as for `.op4` (`flexplant.io.parse.external_superelement`). Others: a sidecar does, see `flexplant.io.parse.sidecar`.
@@ -25,12 +26,13 @@ from flexplant.io.parse.op2_dmig import read_dmig_cards
 from flexplant.io.parse.op4 import read_op4_sequence
 from flexplant.io.parse.plain_matrices import component_of
 from flexplant.io.parse.sidecar import find_sidecar, sidecar_path
+from flexplant.io.parse.structural import check_choice, present, taken
 from flexplant.model.arrays import Matrix
 from flexplant.model.component import Component
 from flexplant.model.dofs import DofSet
 from flexplant.model.geometry import Nodes
 
-KINDS = {"mass": "MAA", "stiffness": "KAA", "damping": "BAA"}
+KINDS = {"mass": "MAA", "stiffness": "KAA", "damping": "BAA", "structural_damping": "K4AA"}
 START = "SE_START"
 
 
@@ -46,18 +48,18 @@ def read_component(
     superelement: int | None = None,
     sidecar: str | Path | None = None,
     suffix: str | None = None,
-    structural: str = "error",
+    structural: str = "read",
 ) -> Component:
     """A component; superelement: its id where the file has several. sidecar: for matrices in the `.op2` itself.
 
-    suffix: of the names of DMIG matrices where a file holds several sets. structural: "error" or "ignore" where there is
-    structural damping, which has no place in a real Z.
+    suffix: of the names of DMIG matrices where a file holds several sets. structural: "read" structural damping K4 as
+    D of K + i D, "ignore" it, or "error".
     """
     if sidecar is not None or sidecar_path(path) is not None:
         return component_of(path, read_op2_matrices(path), find_sidecar(path, sidecar), name, FORMAT.name)
     op4 = sibling(path, ".op4")
     if op4 is not None:
-        return _nas2cam(path, op4, name, superelement)
+        return _nas2cam(path, op4, name, superelement, structural)
     beside = tuple(file for file in (sibling(path, ".pch"), sibling(path, ".asm")) if file is not None)
     made_by = (FORMAT.name, __name__)
     entries = read_dmig_cards(path)
@@ -73,7 +75,8 @@ def read_component(
     return external_superelement(path, read_op2_matrices(path), beside, name, structural, made_by)
 
 
-def _nas2cam(path: Path, op4: Path, name: str | None, superelement: int | None) -> Component:
+def _nas2cam(path: Path, op4: Path, name: str | None, superelement: int | None, structural: str) -> Component:
+    check_choice(structural)
     tables = superelements(path)
     chosen = _chosen(path, [i for i in tables if i], superelement)
     table = tables[chosen]
@@ -81,6 +84,7 @@ def _nas2cam(path: Path, op4: Path, name: str | None, superelement: int | None) 
     for kind in ("mass", "stiffness"):
         if matrices[kind] is None:
             raise ReadError(op4, f"has no {KINDS[kind]} for superelement {chosen}")
+    matrices["structural_damping"] = taken(op4, present(matrices["structural_damping"]), structural, "K4AA")
     direction = table.dofs.direction.copy()
     direction[table.modal] = 0
     mass = matrices["mass"]
@@ -101,7 +105,7 @@ def _chosen(path: Path, there: list[int], asked: int | None) -> int:
 
 
 def _sections(path: Path, ids: list[int]) -> dict[int, dict[str, Matrix | None]]:
-    """maa, kaa, baa after each se_start, in the order of the ids."""
+    """maa, kaa, baa, k4aa after each se_start, in the order of the ids."""
     sections: list[dict[str, Any]] = []
     for name, matrix in read_op4_sequence(path):
         if name == START:
