@@ -8,7 +8,7 @@ import numpy as np
 from typer.testing import CliRunner
 
 from flexplant.cli import app
-from flexplant.io import read_component, write_component
+from flexplant.io import read_component, read_model, write_component
 from flexplant.model.component import Component
 from flexplant.model.geometry import Nodes
 
@@ -26,3 +26,31 @@ def test_inspect_and_convert(tmp_path: Path) -> None:
     wrong = CliRunner().invoke(app, ["convert", str(source), str(tmp_path / "mass.xyz")])
     assert wrong.exit_code == 2
     assert "which choose the format" in wrong.output
+
+
+def test_options_of_the_format_that_is_read(tmp_path: Path) -> None:
+    """A file with several parts: which one, on the command line."""
+    path = tmp_path / "parts.npz"
+    labels = {f"lab{i}": [[3 + i, d] for d in (1, 2, 3)] for i in (1, 2)}
+    np.savez(path, **{f"{kind}{i}": i * np.eye(3) for kind in "KM" for i in (1, 2)}, **labels)
+    asked = CliRunner().invoke(app, ["inspect", str(path)])
+    assert (asked.exit_code, "pass part=" in asked.output) == (2, True)
+    shown = CliRunner().invoke(app, ["inspect", str(path), "-o", "part=2"])
+    assert (shown.exit_code, "parts2" in shown.output) == (0, True)
+    done = CliRunner().invoke(app, ["convert", str(path), str(tmp_path / "two.npz"), "--option", "part=2"])
+    assert done.exit_code == 0
+    assert read_model(tmp_path / "two.npz").dofs.pairs == [(5, 1), (5, 2), (5, 3)]
+    for text, words in (
+        ("part", "write name=value"),
+        ("prt=2", "no option 'prt'. Did you mean 'part'"),
+        ("part=x", "whole number"),
+    ):
+        wrong = CliRunner().invoke(app, ["inspect", str(path), "-o", text])
+        assert (wrong.exit_code, words in wrong.output) == (2, True), wrong.output
+
+
+def test_inspect_says_why_there_are_no_frequencies(tmp_path: Path) -> None:
+    nodes = Nodes(ids=[5], positions=np.zeros((1, 3)))
+    given = Component(name="m", mass=np.diag([1.0, 1.0, 0.0]), stiffness=np.zeros((3, 3)), boundary=[(5, "123")], nodes=nodes)
+    shown = CliRunner().invoke(app, ["inspect", str(write_component(given, tmp_path / "m.npz"))])
+    assert "none: a rigid-body motion of the model moves no mass" in shown.output

@@ -12,7 +12,7 @@ from typing import Annotated, Any, ParamSpec, TypeVar
 
 import typer
 
-from flexplant.errors import CheckFailedError, FlexplantError, PlausibilityWarning, SolverError
+from flexplant.errors import CheckFailedError, FlexplantError, InputError, PlausibilityWarning, SolverError
 
 OK, FAILED, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
 EPILOG = "Exit codes: 0 done, 1 a check failed or a computation did not converge, 2 bad input, 130 interrupted."
@@ -30,6 +30,10 @@ P = ParamSpec("P")
 R = TypeVar("R")
 Format = Annotated[str | None, typer.Option(help="Format name; left out: decided by the file itself.")]
 Units = Annotated[str | None, typer.Option(help="Units of the files, such as SI or mm-tonne-s.")]
+Reading = Annotated[
+    list[str],
+    typer.Option("--option", "-o", help="Option of the format read: superelement=101, part=2, mapping=a.txt."),
+]
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="No progress display.")]
 Outside = Annotated[bool, typer.Option("--allow-outside", help="Let the study name files outside its folder.")]
 
@@ -76,6 +80,14 @@ def _notes() -> Iterator[None]:
 def _end(text: str, code: int) -> typer.Exit:
     typer.echo("\n".join(f"flexplant: {line}" for line in text.splitlines()), err=True)
     return typer.Exit(code)
+
+
+def _reading(given: list[str] | None) -> dict[str, Any]:
+    """Options NAME=VALUE; whole numbers become numbers."""
+    pairs = [text.partition("=") for text in given or []]
+    if wrong := [name for name, equals, _ in pairs if not name or not equals]:
+        raise InputError(f"--option {wrong[0]!r}: write name=value, such as superelement=101")
+    return {name: int(value) if value.lstrip("-").isdigit() else value for name, _, value in pairs}
 
 
 @contextmanager
@@ -278,11 +290,13 @@ def inspect_files(
     files: Annotated[list[Path], typer.Argument(help="Component, model, plant or geometry files.")],
     format: Format = None,  # noqa: A002
     units: Units = None,
+    option: Reading = None,
 ) -> None:
     """Show what is in files: DOF, boundary, modes, mass, recovery labels, first frequencies."""
     from flexplant.io import inspect
 
-    typer.echo("\n\n".join(str(inspect(file, format=format, units=units)) for file in files))
+    options = _reading(option)
+    typer.echo("\n\n".join(str(inspect(file, format=format, units=units, **options)) for file in files))
 
 
 @app.command("convert", epilog="Example: flexplant convert bus.op4 bus.h5 --units mm-kg-s")
@@ -294,13 +308,14 @@ def convert_file(
     units: Units = None,
     dt: Annotated[float | None, typer.Option(help="Sample time in seconds, for C source.")] = None,
     openfast: Annotated[int | None, typer.Option(help="Major version of OpenFAST, for .extptfm (default 4).")] = None,
+    option: Reading = None,
 ) -> None:
     """Put a component, model or plant into another format (docs/formats.md lists them)."""
     from flexplant.io import convert
 
     given: dict[str, Any] = {"dt": dt, "openfast": openfast}
     options = {name: value for name, value in given.items() if value is not None}
-    typer.echo(f"wrote {convert(source, target, format=format, units=units, **options)}")
+    typer.echo(f"wrote {convert(source, target, format=format, units=units, read_options=_reading(option), **options)}")
 
 
 @app.command(epilog="Example: flexplant new study.yaml")

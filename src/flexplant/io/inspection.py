@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import warnings
+from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -46,16 +48,18 @@ def convert(
     format: str | None = None,  # noqa: A002
     units: Units | None = None,
     name: str | None = None,
+    read_options: Mapping[str, Any] | None = None,
     **write_options: Any,
 ) -> Path:
     """Read a component, model or plant and write it in the format of the target's ending; returns the target.
 
-    format, units, name: for reading. write_options: of the written format, such as dt for C source.
+    format, units, name, read_options: for reading, the last of the format that is read, such as {"superelement": 101}.
+    write_options: of the written format, such as dt for C source.
     Raises ReadError for what cannot be read, InputError where the target cannot hold it or is the file itself.
     """
     if as_path(target).resolve() == as_path(path).resolve():
         raise InputError(f"{path} is that file already; name another target")
-    options = {} if name is None else {"name": name}
+    options = dict(read_options or {}) | ({} if name is None else {"name": name})
     value = read_any(path, format=format, units=units, **options)
     if isinstance(value, Component):
         return write_component(value, target, **write_options)
@@ -99,7 +103,8 @@ def _reads_as_geometry(path: str | Path, wanted: str | None) -> bool:
 
 
 def _model_rows(model: Model) -> list[tuple[object, ...]]:
-    found = quantities(model)
+    hz, problem = first_frequencies(model, SHOWN)
+    found = replace(quantities(model, modes=False), frequency_hz=next((f for f in hz if f > 0), None))
     component = isinstance(model, Component)
     rows: list[tuple[object, ...]] = [
         ("kind", "component" if component else "finite-element model"),
@@ -119,7 +124,7 @@ def _model_rows(model: Model) -> list[tuple[object, ...]]:
         ("damping", "none" if model.damping is None else "given"),
         ("mass", "no node positions" if found.mass is None else f"{found.mass:.7g}"),
         ("extent", "" if found.size is None else f"{found.size:.5g}"),
-        ("first frequencies [Hz]", _some([f"{f:.5g}" for f in first_frequencies(model, SHOWN)])),
+        ("first frequencies [Hz]", _some([f"{f:.5g}" for f in hz]) or f"none: {problem}"),
         ("left out", _some(model.source.get("unused", []))),
         ("sha256", str(model.source.get("sha256", ""))[:16]),
     ]

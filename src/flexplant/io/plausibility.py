@@ -66,7 +66,7 @@ def quantities(model: Model, *, modes: bool = True) -> Quantities:
 
 
 def _first_elastic(model: Model) -> float | None:
-    return next((f for f in first_frequencies(model, 12) if f > 0), None)
+    return next((f for f in first_frequencies(model, 12)[0] if f > 0), None)
 
 
 def _fixed_interface(model: Model) -> float | None:
@@ -86,13 +86,13 @@ def rigid_mass(model: Model) -> float | None:
     return float(moving.mean()) if moving.size else None
 
 
-def first_frequencies(model: Model, count: int) -> list[float]:
-    """The first natural frequencies of the model as it is, Hz; empty where they cannot be computed."""
+def first_frequencies(model: Model, count: int) -> tuple[list[float], str]:
+    """The first natural frequencies of the model as it is, Hz; empty where they cannot be computed, and then why."""
     try:
         modes = normal_modes(model, n_modes=None if len(model.dofs) <= FEW else count)
-    except (SolverError, InputError):  # an indefinite mass, a massless mechanism; fewer finite modes than that
-        return []
-    return [float(f) for f in modes.frequency_hz[:count]]
+    except (SolverError, InputError) as error:  # an indefinite mass, a massless mechanism; fewer finite modes than that
+        return [], one_line(error)
+    return [float(f) for f in modes.frequency_hz[:count]], "the model has no finite modes"
 
 
 def plausibility(model: Model, found: Quantities | None = None) -> list[str]:
