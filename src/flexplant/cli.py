@@ -31,7 +31,7 @@ R = TypeVar("R")
 Format = Annotated[str | None, typer.Option(help="Format name; left out: decided by the file itself.")]
 Units = Annotated[str | None, typer.Option(help="Units of the files, such as SI or mm-tonne-s.")]
 Reading = Annotated[
-    list[str],
+    list[str] | None,
     typer.Option("--option", "-o", help="Option of the format read: superelement=101, part=2, mapping=a.txt."),
 ]
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="No progress display.")]
