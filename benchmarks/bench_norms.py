@@ -42,6 +42,12 @@ def plant(modes: int, *, zeta: float = 0.005, ny: int = 6, nu: int = 6, kind: st
     )
 
 
+def grid_rms(p: fp.ModalPlant, hz: np.ndarray) -> float:
+    """RMS of the first output for white inputs by the trapezoidal rule."""
+    gain = abs(fp.frequency_response(p, hz).values[0]) ** 2
+    return float(np.sqrt(np.trapezoid(gain.sum(axis=0), hz)))
+
+
 def loop(modes: int, *, zeta: float = 0.005, rigid: int = 0, seed: int = 0) -> fp.Diagram:
     """Two collocated rate loops about a plant, six disturbances and six displacements."""
     rng = np.random.default_rng(seed)
@@ -157,8 +163,8 @@ def other_rows(rounds: int) -> None:
     row(
         f"random_response exact RMS, 400 states, 6 inputs (peer: its grid RMS on {fine.size} points)",
         "trapezoidal rule",
-        lambda: float(fp.random_response(p, psd, hz).rms_exact[0]),
-        lambda: float(fp.random_response(p, psd, fine).rms[0]),
+        lambda: float(fp.random_response(p, psd, hz).rms[0]),
+        lambda: grid_rms(p, fine),
         rounds,
     )
 

@@ -47,31 +47,39 @@ def _of_modal(plant: ModalPlant) -> tuple[ComplexArray, ComplexArray, ComplexArr
 
 
 def band_variance(
-    form: tuple[ComplexArray, ComplexArray, ComplexArray, FloatArray], hz: FloatArray, psd: FloatArray | ComplexArray
+    form: tuple[ComplexArray, ComplexArray, ComplexArray, FloatArray],
+    hz: FloatArray,
+    start: FloatArray | ComplexArray,
+    end: FloatArray | ComplexArray,
 ) -> FloatArray:
-    """(ny,) integral over hz[0]..hz[-1] of G S G^H df; S one-sided, linear between the points hz.
+    """(ny, nt) integrals of G S G^H df over the nt intervals hz[t]..hz[t + 1]; S one-sided, linear within each interval.
 
-    psd: (nu, nf) of uncorrelated inputs, or (nu, nu, nf) cross-spectra, Hermitian. On the axis G_i conj(G_j) is
-    D_i D_j + F_ij + conj(F_ji), F_ij = sum_k X_k / (i w - p_k), X_k = R_ki G_j(-p_k), and (a + b w) / (i w - p) integrates to
-    -i b w + (a - i b p) (-i) log(i w - p) over each interval, in closed form. Work: poles^2 and poles times points, in blocks.
+    start, end: S at the two ends of each interval, (nu, nt) of uncorrelated inputs, or (nu, nu, nt) cross-spectra, Hermitian. On
+    the axis G_i conj(G_j) is D_i D_j + F_ij + conj(F_ji), F_ij = sum_k X_k / (i w - p_k), X_k = R_ki G_j(-p_k), and
+    (a + b w) / (i w - p) integrates to -i b w + (a - i b p) (-i) log(i w - p) in closed form. Every pole lies in the left half
+    plane. Work: poles^2, and poles times intervals for each pair of correlated inputs, in blocks of poles. Round-off: about
+    1e-15 of the whole variance in each interval.
     """
     poles, left, right, D = form
-    if (poles.real >= 0).any():
-        return np.full(left.shape[0], np.inf)
-    nu = psd.shape[0]
-    rows, columns = (np.arange(nu), np.arange(nu)) if psd.ndim == 2 else [index.ravel() for index in np.indices((nu, nu))]
-    pairs = psd.reshape(rows.size, -1)  # of inputs i, j that are correlated
-    w = 2 * np.pi * hz
-    slope = np.diff(pairs, axis=1) / np.diff(w)
-    level = pairs[:, :-1] - slope * w[:-1]
-    mean = (0.5 * (pairs[:, 1:] + pairs[:, :-1]) @ np.diff(w)).real
-    variance = (D[:, rows] * D[:, columns]) @ mean
-    for start in range(0, poles.size, CHUNK):
-        at = slice(start, start + CHUNK)
+    nu, w = start.shape[0], 2 * np.pi * hz
+    width = np.diff(w)
+    pairs = [(i, i) for i in range(nu)] if start.ndim == 2 else [(i, j) for i in range(nu) for j in range(nu)]
+    first, last = start.reshape(len(pairs), -1), end.reshape(len(pairs), -1)
+    slope = (last - first) / width
+    level = first - slope * w[:-1]
+    variance = sum(
+        np.outer(D[:, i] * D[:, j], (0.5 * (a + b) * width).real) for (i, j), a, b in zip(pairs, first, last, strict=True)
+    )
+    for block in range(0, poles.size, CHUNK):
+        at = slice(block, block + CHUNK)
         mirrored = (left[:, None, :] * right.T) @ (1 / (-poles[at] - poles[:, None])) + D[:, :, None]
         logarithm = np.diff(np.log(1j * w - poles[at, None]), axis=1)
-        # (pairs, poles): integral of the input's spectrum against each pole
-        against = -1j * (slope @ np.diff(w))[:, None] - 1j * (level @ logarithm.T) - slope @ logarithm.T * poles[at]
-        weights = right.T[rows][:, at] * against
-        variance += 2 * np.einsum("ok,opk,pk->o", left[:, at], mirrored[:, columns], weights, optimize=True).real
+        for (i, j), a, b in zip(pairs, level, slope, strict=True):
+            if not (a.any() or b.any()):
+                continue
+            weight = left[:, at] * mirrored[:, j] * right[at, i]
+            against = (
+                weight @ logarithm * a - 1j * ((weight * poles[at]) @ logarithm) * b + np.outer(weight.sum(axis=1), b * width)
+            )
+            variance = variance + 2 * against.imag
     return np.asarray(variance / (2 * np.pi))
