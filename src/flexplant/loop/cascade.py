@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, cast
 
 import numpy as np
@@ -20,12 +21,23 @@ Simulated = Diagram | StateSpace | ModalPlant | Descriptor
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
+class Inner:
+    """A modal plant among the other states, eta then eta' from the state `first` on. fed_back: (n, .) shapes of driven inputs."""
+
+    first: int
+    omega: FloatArray
+    zeta: FloatArray
+    fed_back: FloatArray
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Cascade:
     """eta'' + 2 zeta omega eta' + omega^2 eta = shape_in w;  l' = A l + P eta + V eta' + B w;  z = Cp eta + Cv eta' + C l + D w.
 
     n modes, m other states, nw inputs, nz outputs. from_modes = [P, V] (m, 2n), C_modes = [Cp, Cv] (nz, 2n).
     modal_states (2n,), other_states (m,): where eta, eta' and l stand in the state vector of `close` or `state_space`.
     dt: seconds for a discrete system, which has no modes here (l[k+1] = A l[k] + B w[k]); None in continuous time.
+    inner: the modal plants that other blocks drive; their states are other states.
     """
 
     omega: FloatArray
@@ -40,11 +52,17 @@ class Cascade:
     modal_states: IntArray
     other_states: IntArray
     dt: float | None = None
+    inner: tuple[Inner, ...] = ()
 
     @property
     def n_states(self) -> int:
         """2 n + m."""
         return self.modal_states.size + self.other_states.size
+
+    @cached_property
+    def derived(self) -> dict[str, Any]:
+        """What simulations made of this cascade, by names."""
+        return {}
 
 
 def cascade_of(system: Simulated) -> Cascade:
@@ -124,7 +142,23 @@ def _of_diagram(diagram: Diagram) -> Cascade:
         D=z[:, m + n :],
         **_places(diagram, listening),
         dt=diagram.dt,
+        inner=_inner(diagram, listening),
     )
+
+
+def _inner(diagram: Diagram, listening: list[int]) -> tuple[Inner, ...]:
+    wiring, out, first = diagram.wiring, [], 0
+    for k, block in enumerate(diagram.blocks.values()):
+        if k in listening or isinstance(block, SampledBlock):
+            continue
+        if isinstance(block, ModalPlant):
+            driven = wiring.source[wiring.input_block == k] != NONE
+            if block.damping is None:
+                out.append(Inner(first=first, omega=block.omega, zeta=block.zeta, fed_back=block.shape_in[:, driven]))
+            first += 2 * block.n_modes
+        else:
+            first += block.n_states
+    return tuple(out)
 
 
 def _listens(diagram: Diagram, block: Any, k: int) -> bool:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib
 from collections.abc import Callable
 from functools import cache
+from typing import Protocol
 
 import numpy as np
 
@@ -12,7 +13,7 @@ from flexplant.loop.cascade import Cascade
 from flexplant.loop.layout import Layout, aligned, block_length
 from flexplant.loop.lifted import stepped
 from flexplant.loop.parallel import separated, separation
-from flexplant.loop.recursion import Recursion, Standing
+from flexplant.loop.recursion import Standing
 from flexplant.loop.stepping import Stepper, stepper
 from flexplant.loop.tiled import MOST_REST, Rows, TileSteps, modes_driven
 from flexplant.model.arrays import FloatArray
@@ -31,6 +32,13 @@ def march_kernel() -> Callable[..., None] | None:
 def is_fused(cascade: Cascade) -> bool:
     """True for a cascade that this form steps faster than the lifted one."""
     return march_kernel() is not None and cascade.A.shape[0] <= LARGEST_REST
+
+
+class Steps(Protocol):
+    """How a cascade moves."""
+
+    def advance(self, state: FloatArray, w: FloatArray, first: int, count: int, out: FloatArray, place: int) -> FloatArray:
+        """The state after `count` samples of w (nw, .) from `first` on; writes the kept outputs into out[:, place:]."""
 
 
 class BlockSteps:
@@ -107,7 +115,7 @@ class FusedRecursion(Standing):
         self._ramp = one.drive[nw:]
         causal = one.drive[:nw] - self._ramp + stepped(one, self._ramp)
         D = own.D + np.hstack([own.C_modes, own.C]) @ self._ramp.T
-        self._steps = steps_of(own, one, causal, D, rows, every)
+        self._steps: Steps = steps_of(own, one, causal, D, rows, every)
 
     @property
     def chunk(self) -> int:
@@ -122,10 +130,16 @@ class FusedRecursion(Standing):
 
     def run_into(self, w: FloatArray, first: int, nt: int, out: FloatArray, place: int) -> None:
         """As `run`, from sample `first` of w (nw, .) on, which has sample first + nt, into out[:, place:]; both contiguous."""
-        start = self._separated(self.state, -1.0) - w[:, first] @ self._ramp
+        start = self._inward(self.state) - w[:, first] @ self._ramp
         after = self._steps.advance(start, w, first, nt, out, place)
         self.position += nt
-        self.state = self._separated(after + w[:, first + nt] @ self._ramp, 1.0)
+        self.state = self._outward(after + w[:, first + nt] @ self._ramp)
+
+    def _inward(self, state: FloatArray) -> FloatArray:
+        return self._separated(state, -1.0)
+
+    def _outward(self, state: FloatArray) -> FloatArray:
+        return self._separated(state, 1.0)
 
     def _separated(self, state: FloatArray, sign: float) -> FloatArray:
         """The state with sign T [eta, eta'] added to the other states: into the parallel form (-1), or back (1)."""
@@ -133,8 +147,3 @@ class FusedRecursion(Standing):
             return state
         both = self._T.shape[1]
         return np.concatenate([state[:both], state[both:] + sign * (self._T @ state[:both])])
-
-
-def recursion_of(cascade: Cascade, dt: float, state: FloatArray, hold: str, every: int = 1) -> FusedRecursion | Recursion:
-    """The fused recursion where it is the faster one, else the lifted one."""
-    return (FusedRecursion if is_fused(cascade) else Recursion)(cascade, dt, state, hold, every)

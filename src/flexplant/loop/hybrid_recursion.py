@@ -10,8 +10,9 @@ import numpy as np
 from flexplant.blocks.sampled import RATE_LIMITER, SampledBlock
 from flexplant.errors import InputError
 from flexplant.loop.cascade import Cascade
-from flexplant.loop.fused import LARGEST_REST, recursion_of
+from flexplant.loop.fused import LARGEST_REST
 from flexplant.loop.hybrid import Element, Hybrid
+from flexplant.loop.loop_recursion import recursion_of
 from flexplant.loop.sampled_loop import SampledLoop
 from flexplant.loop.sampled_steps import FINITE, KINDS, STATE_SPACE, sampled_steps
 from flexplant.loop.stepping import Stepper, stepper

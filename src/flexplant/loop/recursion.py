@@ -26,7 +26,9 @@ class Trajectory:
 
 
 class Standing:
-    """The state that a cascade stands at between runs: `state` (N,) is [eta, eta', l]."""
+    """The state that a cascade stands at between runs: `state` (N,) is [eta, eta', l]. stepping: in words, how it moves."""
+
+    stepping = ""
 
     def __init__(self, cascade: Cascade, state: FloatArray) -> None:
         self.cascade, self.order = cascade, np.r_[cascade.modal_states, cascade.other_states]

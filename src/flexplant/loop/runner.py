@@ -6,14 +6,13 @@ import warnings
 
 import numpy as np
 import numpy.typing as npt
-import scipy.linalg
 
 from flexplant.errors import InputError, expect_choice
 from flexplant.loop.cascade import Cascade, Simulated, cascade_of
 from flexplant.loop.diagram import Diagram
-from flexplant.loop.fused import recursion_of
 from flexplant.loop.hybrid import hybrid_of
 from flexplant.loop.hybrid_recursion import HybridRecursion
+from flexplant.loop.loop_recursion import loop_poles, recursion_of
 from flexplant.loop.monodromy import refuse_growing
 from flexplant.loop.recursion import Runner
 from flexplant.model.arrays import FloatArray, real_values
@@ -59,7 +58,7 @@ def _check_choice(unstable: str) -> None:
 def _refuse_growth(cascade: Cascade, name: str) -> None:
     if not cascade.A.size:
         return
-    poles = scipy.linalg.eigvals(cascade.A)
+    poles = loop_poles(cascade)
     excess = poles.real if cascade.dt is None else abs(poles) - 1
     worst = int(np.argmax(excess))
     if excess[worst] <= GROWTH * abs(poles).max():
@@ -75,7 +74,8 @@ def _refuse_growth(cascade: Cascade, name: str) -> None:
 
 def warn_if_unresolved(cascade: Cascade, dt: float) -> None:
     """UserWarning where a mode turns by more than half a period in a step: the result is exact, but its motion is not seen."""
-    fastest = float(cascade.omega.max(initial=0.0)) / (2 * np.pi)
+    omega = np.concatenate([cascade.omega, *(part.omega for part in cascade.inner)])
+    fastest = float(omega.max(initial=0.0)) / (2 * np.pi)
     if fastest * dt > 0.5:
         warnings.warn(
             f"simulate: the time step {dt:.4g} s does not resolve the fastest mode ({fastest:.6g} Hz); its motion aliases: use"

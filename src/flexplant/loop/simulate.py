@@ -12,7 +12,7 @@ from flexplant.blocks.tones import Tones, tone_signal
 from flexplant.errors import InputError, expect_count, nearest
 from flexplant.loop.cascade import Cascade, Simulated, simulated
 from flexplant.loop.diagram import Diagram
-from flexplant.loop.fused import recursion_of
+from flexplant.loop.loop_recursion import recursion_of
 from flexplant.loop.recursion import Progress, march
 from flexplant.loop.runner import Initial, checked_cascade, initial_state, is_hybrid, runner_of
 from flexplant.loop.signals import Signals, checked_time, sampled
@@ -50,6 +50,7 @@ def simulate(
     in the step for a nonlinear block that stands for a continuous law. Tones are then sampled, and start from rest.
 
     Returns a Dataset: `outputs` (output, time; or output_time where every > 1), `inputs` (input, time), `final_state` (state).
+    Its attribute `stepping` says how a linear system moved: in modes of the structure, of the loop, or as a dense block, and why.
     Raises InputError for a time axis that is not uniform, unknown names, wrong shapes, a steady state that does not exist, an
     unstable system. Warns where samples are further apart than half a period of the fastest mode.
     """
@@ -60,7 +61,7 @@ def simulate(
     names = list(simulated(system).inputs)
     kept = _kept(outputs, list(system.outputs))
     rows = [list(system.outputs).index(k) for k in kept]
-    interpreted: list[str] = []
+    how: dict[str, str] = {}
     if isinstance(inputs, Tones) and not is_hybrid(system):
         cascade = checked_cascade(system, unstable)
         z, w, final = _under_tones(cascade, names, t, dt, inputs, initial, hold)
@@ -70,10 +71,13 @@ def simulate(
         runner = runner_of(system, dt, initial, hold, every, unstable)
         run = march(runner, w, t.size, (len(names), len(system.outputs)), every, progress)
         z, final = run.outputs, run.final_state
-        interpreted = getattr(runner, "called_in_python", [])
+        how = {
+            "stepping": getattr(runner, "stepping", ""),
+            "called_in_python": ", ".join(getattr(runner, "called_in_python", [])),
+        }
     z = z if rows == list(range(len(z))) else z[rows]
     result = _dataset(system, t, w, z, kept, final, every)
-    return result.assign_attrs(called_in_python=", ".join(interpreted)) if interpreted else result
+    return result.assign_attrs({key: text for key, text in how.items() if text})
 
 
 def _check_every(every: int) -> None:
