@@ -24,7 +24,7 @@ class ReductionReport:
     n_modes: exact modes of the held (or free) model. n_residual: residual (Ritz) vectors besides them, in `blocks` blocks, or
     drawn from a basis of `drawn_from` vectors that had so many blocks.
     complete_below_hz: the basis holds every fixed-interface (Rubin: free) mode below it; proved: a Sturm count said so.
-    residuals: of each mode, |K x - w^2 M x| / |K x|, computed from the held model's matrices.
+    residuals: of each mode, |K x - w^2 M x| / |K x|, computed from the matrices of the held (Rubin: free) model.
     accuracy: asked relative frequency error, None where modes and blocks were given. verified: bound of the relative error of
     any system's frequency up to max_frequency_hz that this component causes, None where it was not computed.
     basis_bytes: memory that keeping the basis takes (or would take).

@@ -14,6 +14,7 @@ from flexplant.model.arrays import FloatArray, checked_switch, is_number
 from flexplant.model.component import FiniteElementModel
 from flexplant.model.damping import DampingRatio, with_modal_damping
 from flexplant.model.dofs import DofSet
+from flexplant.numerics.eigen import residuals
 from flexplant.numerics.lanczos import Progress, lanczos
 from flexplant.reduction.component import basis_bytes, hcb_component
 from flexplant.reduction.free import FreeSolve
@@ -63,8 +64,8 @@ def rubin(
         raise InputError(f"rubin: progress must be a function of (stage, share), or None, got {progress!r:.60}")
     part = Partition.of(model, boundary, threads=threads, memory_limit=memory_limit, backend=backend)
     free = FreeSolve(part)
-    shapes, complete = _free_modes(free, max_frequency_hz, n_modes, progress)
-    n_b, psi = part.b.size, part.constraint_modes
+    shapes, omega2, complete = _free_modes(free, max_frequency_hz, n_modes, progress)
+    n_b, psi, order = part.b.size, part.constraint_modes, np.r_[part.b, part.i]
     relief = part.factor.solve(part.inertia_load @ free.rigid[:n_b]) if free.rigid.shape[1] else np.zeros((part.i.size, 0))
     none = np.zeros((part.i.size, 0))
     loads = DofSet.of(loads)
@@ -80,6 +81,7 @@ def rubin(
         n_modes=shapes.shape[1],
         n_residual=vectors.shape[1] - shapes.shape[1],
         complete_below_hz=float(np.sqrt(complete)) / (2 * np.pi),
+        residuals=tuple(residuals(part.block("stiffness", order, order), free.mass, omega2, shapes).tolist()),
         max_frequency_hz=max_frequency_hz,
         basis_bytes=basis_bytes(model, n_b + vectors.shape[1]),
     )
@@ -124,17 +126,17 @@ def _missing(
 
 def _free_modes(
     free: FreeSolve, max_frequency_hz: float | None, n_modes: int | None, progress: Progress | None
-) -> tuple[FloatArray, float]:
-    """(n, k) elastic modes of the free model, boundary rows first, and w^2 below which none is missing."""
+) -> tuple[FloatArray, FloatArray, float]:
+    """(n, k) elastic modes of the free model, boundary rows first, their w^2, and w^2 below which none is missing."""
     limit = np.inf if max_frequency_hz is None else (2 * np.pi * max_frequency_hz) ** 2
     most = len(free.part.model.dofs) - free.rigid.shape[1]
     ask = min(most, FIRST_GUESS if n_modes is None else n_modes)
     if ask == 0:
-        return np.zeros((len(free.part.model.dofs), 0)), 0.0
+        return np.zeros((len(free.part.model.dofs), 0)), np.zeros(0), 0.0
     while True:
         found = lanczos(free.solve, free.mass, ask, locked=free.rigid, progress=progress)
         inside = found.omega2 <= limit
         if found.exhausted or ask in (n_modes, most) or not inside.all():
             last = float(found.omega2[-1]) if found.omega2.size else 0.0
-            return found.vectors[:, inside], min(limit, last)
+            return found.vectors[:, inside], found.omega2[inside], min(limit, last)
         ask = min(2 * ask, most if n_modes is None else n_modes)
