@@ -181,3 +181,19 @@ def test_by_frequency_and_what_is_refused():
         with pytest.raises(InputError, match=words) as caught:
             fp.characteristic_interface(given, name, **options)
         assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("offset", [0, 7, 5000])
+def test_the_new_node_is_new_to_every_node_of_the_components(offset):
+    """Nodes that no DOF moves (a whole model's, its highest id among them) are no room for the new one."""
+    system, _ = joined()
+    before = elastic(system)
+    parts = []
+    for c in system.components:
+        far = 1 + offset + int(c.nodes.ids.max())
+        parts.append(replace(c, nodes=fp.Nodes(np.r_[c.nodes.ids, far], np.vstack([c.nodes.positions, [0.5, 0.5, 0.5]]))))
+    more = fp.couple(parts, [r.connection for r in system.connections], placements=dict(system.placements))
+    reduced = fp.characteristic_interface(more, "joint", n_modes=48)
+    for c in reduced.components:
+        assert len(set(c.nodes.ids.tolist())) == len(c.nodes.ids)
+    np.testing.assert_allclose(elastic(reduced), before, rtol=1e-8)

@@ -52,7 +52,7 @@ def characteristic_interface(
     joint = _joint(system, connection)
     sides = [_interface_rows(system, joint, name) for name in (joint.connection.a, joint.connection.b)]
     shapes, center = _shapes(system, joint, sides, n_modes, max_frequency_hz)
-    first = 1 + max(int(max(c.dofs.node.max(initial=0), c.interior.node.max(initial=0))) for c in system.components)
+    first = 1 + max(_highest_id(c) for c in system.components)
     dofs = [] if center is None else [(first, d) for d in range(1, 7)]
     dofs += [(first + 1 + i, 0) for i in range(shapes.shape[1] - len(dofs))]
     a, b, n_a = joint.connection.a, joint.connection.b, sides[0].size
@@ -65,6 +65,12 @@ def characteristic_interface(
     shared = Connection(a, b, pairs=[(dof, dof) for dof in dofs], name=tie)
     others = [Resolved(shared, [], ties) if r is joint else r for r in system.connections]
     return assembled(tuple(parts.values()), system.placements, others, system.method)
+
+
+def _highest_id(component: Component) -> int:
+    """The highest node id in use, also of nodes that no DOF of the component moves."""
+    known = component.dofs.node, component.interior.node, () if component.nodes is None else component.nodes.ids
+    return max(int(np.max(ids, initial=0)) for ids in known)
 
 
 def _check_request(n_modes: int | None, max_frequency_hz: float | None) -> None:

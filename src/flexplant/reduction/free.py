@@ -6,14 +6,20 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+import numpy.typing as npt
 import scipy.linalg as la
 
 from flexplant.errors import SolverError
-from flexplant.model.arrays import FloatArray
+from flexplant.model.arrays import FloatArray, dense
+from flexplant.model.geometry import rigid_body_vectors
 from flexplant.numerics.eigen import orthonormalize
+from flexplant.reduction.mechanism import RIGID_FIT
 from flexplant.reduction.partition import Partition
 
-RIGID = 1e-9  # of a unit diagonal: condensed stiffness below it is round-off of a rigid-body motion
+RIGID = 1e-9  # of a unit diagonal: condensed stiffness below it is that of a rigid-body motion
+ROUND_OFF = 100 * float(np.finfo(float).eps)  # of the terms that cancel in the condensation; 2 eps are seen
+ROUNDED = 1e-10  # of these terms: the most that matrices written with few digits may take from a rigid-body motion
+NOISE = 10.0  # times the lowest negative eigenvalue: what they leave to the others
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,22 +35,52 @@ class FreeSolve:
     part: Partition
 
     @cached_property
-    def _boundary(self) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Scale, eigenvalues and eigenvectors of the condensed stiffness with a unit diagonal."""
+    def _boundary(self) -> tuple[FloatArray, FloatArray, FloatArray, npt.NDArray[np.bool_]]:
+        """Scale, eigenvalues and eigenvectors of the condensed stiffness with a unit diagonal, and which of them are elastic.
+
+        Behind a statically determinate interface the condensed stiffness is nothing but round-off, and no scale for itself. So
+        no diagonal is taken for less than the round-off of the terms that cancelled in it, over RIGID.
+        """
         condensed = self.part.condensed("stiffness")
-        size = np.sqrt(np.maximum(np.diagonal(condensed), np.finfo(float).tiny))
-        reference = np.sqrt(np.maximum(self.part.stiffness[2].diagonal(), 0.0))
-        size = np.maximum(size, 1e-3 * reference)
+        cancelling = self._cancelling
+        diagonal = np.maximum(np.diagonal(condensed), ROUND_OFF / RIGID * cancelling)
+        size = np.sqrt(np.maximum(diagonal, np.finfo(float).tiny))
         values, vectors = la.eigh(condensed / np.outer(size, size))
+        elastic = values > (RIGID if values[0] >= -RIGID else -NOISE * values[0])
         if values[0] < -RIGID:
-            raise SolverError(f"model {self.part.model.name!r}: the stiffness is indefinite ({values[0]:.2g} of a unit diagonal)")
-        return size, values, vectors
+            rounded = values[0] >= -ROUNDED * (cancelling * (vectors[:, 0] / size) ** 2).sum()
+            if not (rounded and self._moves_rigidly(vectors[:, ~elastic], size)):
+                raise self._indefinite(float(values[0]))
+        return size, values, vectors, elastic
+
+    @property
+    def _cancelling(self) -> FloatArray:
+        """(n_b,) diagonal of |T|^T |K| |T|, T = [I; Psi]: the sum of the terms that the condensed stiffness is the rest of."""
+        (kii, kib, kbb), psi = self.part.stiffness, abs(self.part.constraint_modes)
+        return np.asarray(abs(kbb.diagonal()) + (psi * (abs(kii) @ psi + 2 * dense(abs(kib)))).sum(axis=0))
+
+    def _moves_rigidly(self, motion: FloatArray, size: FloatArray) -> bool:
+        """Whether these (n_b, k) boundary motions, times size, are geometric rigid-body motions, so that their stiffness is the
+        rounding of the matrices. False where positions are unknown."""
+        part = self.part
+        if part.model.nodes is None or not (part.boundary.direction > 0).all():
+            return False
+        center = part.model.nodes.positions.mean(axis=0)
+        geometric = la.orth(size[:, None] * rigid_body_vectors(part.model.nodes, part.boundary, about=center), rcond=RIGID)
+        return bool(np.linalg.norm(motion - geometric @ (geometric.T @ motion), axis=0).max() < RIGID_FIT)
+
+    def _indefinite(self, lowest: float) -> SolverError:
+        hint = "; positions of its nodes would tell" if self.part.model.nodes is None else ""
+        return SolverError(
+            f"model {self.part.model.name!r}: the stiffness is indefinite ({lowest:.2g} of a unit diagonal), or its numbers are "
+            f"rounded so far that rigid-body motion cannot be told from it{hint}; correct it, or write it with all digits"
+        )
 
     @cached_property
     def rigid(self) -> FloatArray:
         """(n, r) mass-orthonormal rigid-body motions: [I; Psi] times the null space of the condensed stiffness."""
-        size, values, vectors = self._boundary
-        boundary = vectors[:, values <= RIGID] / size[:, None]
+        size, _, vectors, elastic = self._boundary
+        boundary = vectors[:, ~elastic] / size[:, None]
         return orthonormalize(np.vstack([boundary, self.part.constraint_modes @ boundary]), self.mass)
 
     @cached_property
@@ -56,8 +92,7 @@ class FreeSolve:
     def solve(self, force: FloatArray) -> FloatArray:
         """x (n, k) for forces f (n, k) in equilibrium."""
         part, n_b = self.part, self.part.b.size
-        size, values, vectors = self._boundary
-        elastic = values > RIGID
+        size, values, vectors, elastic = self._boundary
         inverse = (vectors[:, elastic] / values[elastic]) @ vectors[:, elastic].T / np.outer(size, size)
         u_b = inverse @ (force[:n_b] + part.constraint_modes.T @ force[n_b:])
         return np.vstack([u_b, part.factor.solve(force[n_b:]) + part.constraint_modes @ u_b])
