@@ -16,6 +16,7 @@ from flexplant.loop.simulate import simulate
 from flexplant.loop.stream import simulate_stream
 from flexplant.plant.discretize import stacked_expm
 from flexplant.plant.modal import ModalPlant
+from flexplant.plant.state_space import StateSpace
 
 DT = 1e-3
 
@@ -197,6 +198,27 @@ def test_an_unstable_loop_is_refused_with_its_pole():
         simulate(wrong, np.arange(5) * DT)
     worst = max(np.linalg.eigvals(cascade_of(wrong).A), key=lambda pole: pole.real)
     assert f"pole {worst.real:.5g}" in str(caught.value)
+
+
+def growing(width):
+    """x' = 3 x + u beside width - 1 states that decay; one output reads the slowest of them, one the growing one."""
+    A = np.diag(np.r_[-np.arange(1.0, width), 3.0])
+    C = np.eye(width)[[0, width - 1]]
+    return StateSpace(A, np.ones((width, 1)), C, np.zeros((2, 1)), ["u"], ["calm", "growing"])
+
+
+@pytest.mark.parametrize(("width", "compiled"), [(3, True), (30, True), (30, False)])
+def test_a_run_that_overflows_stops_and_one_that_grows_is_exact(width, compiled, monkeypatch):
+    """An infinite state would be nothing times infinity in the rows that do not read it."""
+    if not compiled:
+        for module in (fused, loop_recursion):
+            monkeypatch.setattr(module, "march_kernel", lambda: None)
+    t = np.arange(20_000) * 0.015
+    with pytest.raises(InputError, match=r"overflow within \d+.* s: the system is unstable; simulate a shorter time"):
+        simulate(growing(width), t, {"u": 1.0}, unstable="allow")
+    short = simulate(growing(width), t[:14_000], {"u": 1.0}, unstable="allow").outputs.values
+    assert short[1] == pytest.approx((np.exp(3 * t[:14_000]) - 1) / 3, rel=1e-9)
+    assert short[0] == pytest.approx(1 - np.exp(-t[:14_000]), rel=1e-12)
 
 
 def test_without_numba_the_dense_block_gives_the_same(monkeypatch):

@@ -107,8 +107,8 @@ class FusedRecursion(Standing):
     """
 
     def __init__(self, cascade: Cascade, dt: float, state: FloatArray, hold: str, every: int = 1) -> None:
-        super().__init__(cascade, state)
-        self.every, self.position = every, 0
+        super().__init__(cascade, state, dt)
+        self.every = every
         rows, self._T = parallel_rows(cascade, every)
         own = cascade if self._T is None else separated(cascade, self._T)
         one, nw = stepper(own, dt, hold), own.B.shape[1]
@@ -130,10 +130,10 @@ class FusedRecursion(Standing):
 
     def run_into(self, w: FloatArray, first: int, nt: int, out: FloatArray, place: int) -> None:
         """As `run`, from sample `first` of w (nw, .) on, which has sample first + nt, into out[:, place:]; both contiguous."""
-        start = self._inward(self.state) - w[:, first] @ self._ramp
-        after = self._steps.advance(start, w, first, nt, out, place)
-        self.position += nt
-        self.state = self._outward(after + w[:, first + nt] @ self._ramp)
+        with np.errstate(over="ignore", invalid="ignore"):
+            start = self._inward(self.state) - w[:, first] @ self._ramp
+            after = self._steps.advance(start, w, first, nt, out, place)
+            self.moved(self._outward(after + w[:, first + nt] @ self._ramp), nt)
 
     def _inward(self, state: FloatArray) -> FloatArray:
         return self._separated(state, -1.0)

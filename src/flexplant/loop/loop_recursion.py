@@ -19,8 +19,8 @@ class LoopRecursion(FusedRecursion):
     """x[k+1] = F x[k] + G w[k] of a cascade in its `LoopModes`, resumable; equal to the lifted recursion to round-off."""
 
     def __init__(self, cascade: Cascade, modes: LoopModes, dt: float, state: FloatArray, hold: str, every: int = 1) -> None:
-        Standing.__init__(self, cascade, state)
-        self.every, self.position, self._modes = every, 0, modes
+        Standing.__init__(self, cascade, state, dt)
+        self.every, self._modes = every, modes
         transition, held, ramp = modes.steps(dt, hold)
         causal, rows = held - ramp + transition @ ramp, np.hstack([cascade.C_modes, cascade.C]) @ modes.outward
         self._ramp = ramp.transpose(2, 1, 0).reshape(ramp.shape[2], -1)

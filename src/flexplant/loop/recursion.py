@@ -8,6 +8,7 @@ from typing import Protocol, runtime_checkable
 
 import numpy as np
 
+from flexplant.errors import InputError
 from flexplant.loop.cascade import Cascade
 from flexplant.loop.lifted import Lifted, block_starts, lifted, stepped
 from flexplant.loop.stepping import Stepper, stepper
@@ -30,9 +31,17 @@ class Standing:
 
     stepping = ""
 
-    def __init__(self, cascade: Cascade, state: FloatArray) -> None:
+    def __init__(self, cascade: Cascade, state: FloatArray, dt: float) -> None:
         self.cascade, self.order = cascade, np.r_[cascade.modal_states, cascade.other_states]
-        self.state = state[self.order].copy()
+        self.state, self.dt, self.position = state[self.order].copy(), dt, 0
+
+    def moved(self, state: FloatArray, samples: int) -> None:
+        """Take the state `samples` later; InputError where it has left the range of numbers: the outputs would be none either."""
+        self.position += samples
+        if not np.isfinite(state).all():
+            end = self.position * self.dt
+            raise InputError(f"simulate: the states overflow within {end:.6g} s: the system is unstable; simulate a shorter time")
+        self.state = state
 
     def last(self, w: FloatArray) -> FloatArray:
         """(nz,) outputs at the sample that the state stands at, for the inputs w (nw,)."""
@@ -55,7 +64,7 @@ class Recursion(Standing):
     """
 
     def __init__(self, cascade: Cascade, dt: float, state: FloatArray, hold: str, every: int = 1) -> None:
-        super().__init__(cascade, state)
+        super().__init__(cascade, state, dt)
         self.one: Stepper = stepper(cascade, dt, hold)
         self.lifted: Lifted = lifted(cascade, self.one, dt, every)
         transposed = (self.lifted.long.A.T, self.lifted.long.from_modes.T)
@@ -71,6 +80,10 @@ class Recursion(Standing):
 
     def run(self, w: FloatArray, nt: int) -> FloatArray:
         """(kept, nz) outputs at samples 0, every, ... < nt; `state` moves to sample nt. w: (nt + 1, nw), nt at most a chunk."""
+        with np.errstate(over="ignore", invalid="ignore"):
+            return self._run(w, nt)
+
+    def _run(self, w: FloatArray, nt: int) -> FloatArray:
         block, every, nw = self.lifted.length, self.lifted.every, w.shape[1]
         nb = -(-nt // block)
         padded = np.zeros((nb * block + 1, nw))
@@ -84,7 +97,7 @@ class Recursion(Standing):
         block_starts(*self._long, driven, x, starts)
         values = starts @ self.lifted.seen
         values += rows @ self.lifted.direct
-        self.state = x if whole == nb else self._stepped_singly(starts[whole], w[whole * block :])
+        self.moved(x if whole == nb else self._stepped_singly(starts[whole], w[whole * block :]), nt)
         first = slice(None, None, max(1, every // block))
         return np.asarray(values[first].reshape(-1, self.cascade.D.shape[0])[: -(-nt // every)])
 
