@@ -43,7 +43,7 @@ def simulate(
     start on the harmonic steady state, so that no settling has to be simulated (rigid-body modes then do not drift).
     outputs: names to keep, all by default. every: keep each every-th sample of the outputs, counted from the first.
     progress: called with (samples done, samples) after each chunk of some thousand steps; what it raises stops the simulation.
-    unstable: "error" refuses a system with a growing pole, naming it, before time advances; "allow" simulates it, until it overflows.
+    unstable: "error" refuses a system with a growing pole before time advances and names it; "allow" steps it until it overflows.
 
     A diagram with sampled blocks (nonlinear ones, digital controllers of their own sample time): each reads its inputs at its
     samples and holds its outputs in between; the linear rest moves exactly under them. Exact for digital blocks, first order
