@@ -17,6 +17,7 @@ from flexplant.errors import InputError, ReadError
 from flexplant.io.parse.files import as_path, one_line
 from flexplant.io.parse.number_text import integers, read_lines
 from flexplant.model.arrays import FloatArray
+from flexplant.model.component import check_name
 from flexplant.verification import Reference
 
 DELIMITER = "    -1"
@@ -69,6 +70,8 @@ def read_reference(path: str | Path, *, component: str | None = None) -> Referen
     its modes have different nodes.
     """
     path = as_path(path)
+    if component is not None:
+        check_name(component, "component")
     modes = [_mode(path, s) for s in sections(path) if s.number == "55"]
     if not modes:
         raise ReadError(path, "has no dataset 55 (mode shapes)")

@@ -22,10 +22,7 @@ def damping_ratios(ratio: DampingRatio, frequency_hz: FloatArray, what: str = "d
     ratio: one value; one value a mode (n,); or a table [(frequency_hz, ratio), ...], linear between its points and
     constant outside. A list of two-element rows is a table. Raises ModelError for negative, NaN or miscounted values.
     """
-    given = real_values(ratio, what)
-    n = frequency_hz.size
-    if given.size and (not np.isfinite(given).all() or given.min() < 0):
-        raise ModelError(f"{what}: values must be finite and not negative, got {ratio!r}")
+    given, n = given_ratios(ratio, what), frequency_hz.size
     if given.ndim == 0:
         return np.full(n, float(given))
     if given.ndim == 1 and given.size == n:
@@ -34,6 +31,14 @@ def damping_ratios(ratio: DampingRatio, frequency_hz: FloatArray, what: str = "d
         order = np.argsort(given[:, 0])
         return np.asarray(np.interp(frequency_hz, given[order, 0], given[order, 1]))
     raise ModelError(f"{what}: give one value, {n} values, or a table of (frequency_hz, ratio) rows; got shape {given.shape}")
+
+
+def given_ratios(ratio: DampingRatio, what: str = "damping ratio") -> FloatArray:
+    """The numbers of a damping ratio, a list or a table, before it is known of how many modes; ModelError for bad ones."""
+    given = real_values(ratio, what)
+    if given.size and (not np.isfinite(given).all() or given.min() < 0):
+        raise ModelError(f"{what}: values must be finite and not negative, got {ratio!r:.60}")
+    return given
 
 
 def with_modal_damping(component: Component, ratio: DampingRatio) -> Component:

@@ -9,11 +9,28 @@ import numpy as np
 from flexplant.errors import InputError
 from flexplant.model.arrays import FloatArray, Matrix
 from flexplant.model.component import FiniteElementModel
+from flexplant.model.damping import DampingRatio, given_ratios
 from flexplant.model.dofs import DofSet
 from flexplant.model.recovery import Recovery
 from flexplant.reduction.interior import Interior, coupling
 from flexplant.reduction.partition import Partition, project
 from flexplant.reduction.reduced import ReducedComponent, ReductionReport, Storage
+
+
+def checked_extras(
+    model: FiniteElementModel,
+    recover: DofSet | Iterable[tuple[int, int | str]],
+    keep_basis: Storage,
+    damping_ratio: DampingRatio | None = None,
+) -> DofSet:
+    """`recover` as DOF of the model; ModelError or InputError for what a component cannot be given, before work is done."""
+    dofs = DofSet.of(recover)
+    model.dofs.rows(dofs.pairs, owner=f"model {model.name!r}")
+    if not isinstance(keep_basis, bool) and not callable(keep_basis):
+        raise InputError(f"keep_basis must be True, False or a function from a shape to an array, got {keep_basis!r:.60}")
+    if damping_ratio is not None:
+        given_ratios(damping_ratio)
+    return dofs
 
 
 def hcb_component(
@@ -22,7 +39,7 @@ def hcb_component(
     *,
     error_rows: FloatArray | None = None,
     structural_damping: Matrix | None = None,
-    recover: Iterable[tuple[int, int | str]] = (),
+    recover: DofSet | Iterable[tuple[int, int | str]] = (),
     loads: DofSet | Iterable[tuple[int, int | str]] = (),
     keep_basis: Storage = False,
 ) -> ReducedComponent:
@@ -68,10 +85,8 @@ def hcb_component(
 def _stored(part: Partition, interior: Interior, keep_basis: Storage) -> FloatArray | None:
     if keep_basis is False:
         return None
-    if keep_basis is not True and not callable(keep_basis):
-        raise InputError(f"keep_basis must be True, False or a function from a shape to an array, got {keep_basis!r:.60}")
     shape = (len(part.model.dofs), part.b.size + interior.raw.shape[1])
-    memory = None if keep_basis is True else keep_basis(shape)
+    memory = keep_basis(shape) if callable(keep_basis) else None
     if memory is not None and np.shape(memory) != shape:
         raise InputError(
             f"keep_basis: the function gave {type(memory).__name__} {np.shape(memory)}, but an array {shape} is needed"

@@ -14,7 +14,7 @@ from flexplant.model.dofs import DofSet
 from flexplant.numerics.lanczos import Progress
 from flexplant.reduction.accuracy import best_of_size, chosen_for
 from flexplant.reduction.budget import Drawn
-from flexplant.reduction.component import basis_bytes, hcb_component
+from flexplant.reduction.component import basis_bytes, checked_extras, hcb_component
 from flexplant.reduction.interior import Interior, fixed_interface, load_columns
 from flexplant.reduction.partition import Partition
 from flexplant.reduction.reduced import ReducedComponent, ReductionReport, Storage
@@ -32,7 +32,7 @@ def craig_bampton(
     loads: DofSet | Iterable[tuple[int, int | str]] = (),
     damping_ratio: DampingRatio | None = None,
     structural_damping: Matrix | float | None = None,
-    recover: Iterable[tuple[int, int | str]] = (),
+    recover: DofSet | Iterable[tuple[int, int | str]] = (),
     keep_basis: Storage = False,
     error_estimate: bool = True,
     progress: Progress | None = None,
@@ -76,6 +76,8 @@ def craig_bampton(
     max_frequency_hz = None if max_frequency_hz is None else float(max_frequency_hz)
     if not (progress is None or callable(progress)):
         raise InputError(f"craig_bampton: progress must be a function of (stage, share), or None, got {progress!r:.60}")
+    recover = checked_extras(model, recover, keep_basis, damping_ratio)
+    structural_damping = _checked_damping(model, structural_damping)
     part = Partition.of(model, boundary, threads=threads, memory_limit=memory_limit, backend=backend)
     loads = DofSet.of(loads)
     forces = load_columns(part, loads)
@@ -102,7 +104,7 @@ def craig_bampton(
         interior,
         _report(interior, max_frequency_hz, accuracy, verified),
         error_rows=interior.error_rows if error_estimate and part.i.size else None,
-        structural_damping=_checked_damping(model, structural_damping),
+        structural_damping=structural_damping,
         recover=recover,
         loads=loads,
         keep_basis=keep_basis,

@@ -16,7 +16,7 @@ from flexplant.model.damping import DampingRatio, with_modal_damping
 from flexplant.model.dofs import DofSet
 from flexplant.numerics.eigen import residuals
 from flexplant.numerics.lanczos import Progress, lanczos
-from flexplant.reduction.component import basis_bytes, hcb_component
+from flexplant.reduction.component import basis_bytes, checked_extras, hcb_component
 from flexplant.reduction.free import FreeSolve
 from flexplant.reduction.interior import Interior, load_columns, orthonormal, without
 from flexplant.reduction.partition import Partition
@@ -33,7 +33,7 @@ def rubin(
     n_modes: int | None = None,
     damping_ratio: DampingRatio | None = None,
     loads: DofSet | Iterable[tuple[int, int | str]] = (),
-    recover: Iterable[tuple[int, int | str]] = (),
+    recover: DofSet | Iterable[tuple[int, int | str]] = (),
     keep_basis: Storage = False,
     error_estimate: bool = True,
     progress: Progress | None = None,
@@ -62,6 +62,7 @@ def rubin(
     checked_switch(error_estimate, "rubin: error_estimate")
     if not (progress is None or callable(progress)):
         raise InputError(f"rubin: progress must be a function of (stage, share), or None, got {progress!r:.60}")
+    recover = checked_extras(model, recover, keep_basis, damping_ratio)
     part = Partition.of(model, boundary, threads=threads, memory_limit=memory_limit, backend=backend)
     free = FreeSolve(part)
     shapes, omega2, complete = _free_modes(free, max_frequency_hz, n_modes, progress)

@@ -68,7 +68,7 @@ class CheckReport:
 
     def __getitem__(self, name: str) -> Check:
         for check in self.checks:
-            if check.name == name:
+            if isinstance(name, str) and check.name == name:
                 return check
         raise InputError(f"there is no check {name!r:.60}." + nearest(name, [c.name for c in self.checks]))
 

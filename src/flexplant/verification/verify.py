@@ -14,7 +14,7 @@ from flexplant.model.component import Component
 from flexplant.modes import Modes, expect_modes_of, normal_modes
 from flexplant.numerics.rank import lowest_eigenvalue, split_semidefinite
 from flexplant.verification.checks import Check, CheckReport, Table
-from flexplant.verification.comparison import compare_modes
+from flexplant.verification.comparison import as_reference, compare_modes
 from flexplant.verification.free_free import ENERGY_LIMIT, free_free
 from flexplant.verification.mass import MassProperties, combined, mass_properties
 from flexplant.verification.rigid_body import DIRECTION_NAMES, blocked_directions, strain_energy
@@ -44,6 +44,7 @@ def verify(
     for name, limit in (("frequency_tolerance", frequency_tolerance), ("mac_minimum", mac_minimum)):
         if not is_finite(limit) or limit < 0:
             raise InputError(f"verify: {name} must be a finite number from 0, got {limit!r:.60}")
+    reference = None if reference is None else as_reference(reference)
     if modes is None:
         modes = normal_modes(system, n_modes=None if system.n <= DENSE_CHECK else rigid_body_modes + 20)
     expect_modes_of(modes, system, "verify")
