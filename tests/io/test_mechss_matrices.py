@@ -34,6 +34,40 @@ def test_second_order_and_first_order_matrices_are_the_same_plant(tmp_path: Path
         np.testing.assert_allclose(frequency_response(plant, HZ).values, expected, rtol=1e-10)
 
 
+@pytest.mark.parametrize("order", ["C", "F"])
+def test_modal_plants_come_back_as_such_whatever_the_order_of_their_arrays(tmp_path: Path, order: str) -> None:
+    """D of acceleration outputs is a product, whose last digit depends on the order; the modes come back bit by bit."""
+    rng = np.random.default_rng(5)
+    for seed in range(20):
+        shapes = {
+            "shape_in": rng.standard_normal((12, 3)),
+            "shape_out": rng.standard_normal((4, 12)),
+            "shape_out_acceleration": rng.standard_normal((4, 12)),
+            "damping": np.diag(rng.random(12)) + 0.01,
+        }
+        given = ModalPlant(
+            omega=np.r_[0.0, np.sort(rng.uniform(1, 900, 11))],
+            zeta=0.01,
+            **{k: np.array(v, order=order) for k, v in shapes.items()},
+            inputs=list("abc"),
+            outputs=list("wxyz"),
+        )
+        back = read_plant(write_plant(given, tmp_path / f"p{seed}.mat"))
+        assert isinstance(back, ModalPlant)
+        for name in ("omega", "zeta", *shapes):
+            np.testing.assert_array_equal(getattr(back, name), getattr(given, name))
+
+
+def test_matrices_that_were_changed_are_no_modes_any_more(tmp_path: Path) -> None:
+    path = write_plant(PLANT, tmp_path / "p.mat")
+    stored = {k: v for k, v in scipy.io.loadmat(path).items() if not k.startswith("__")}
+    stored["D"] = stored["D"] * (1 + 1e-9)
+    scipy.io.savemat(path, stored)
+    back = read_plant(path)
+    assert isinstance(back, StateSpace)
+    np.testing.assert_array_equal(back.D, stored["D"])
+
+
 def test_discrete_plants_keep_their_step_and_bits(tmp_path: Path) -> None:
     given = StateSpace(*(getattr(state_space(PLANT), k) for k in "ABCD"), inputs=["a", "b"], outputs=["y"], dt=0.25)
     back = read_plant(write_plant(given, tmp_path / "z.mat"))

@@ -14,6 +14,7 @@ from flexplant.errors import InputError, ModelError, ReadError
 from flexplant.io.parse.files import one_line
 from flexplant.io.parse.npz_matrices import csr_matrix, pack_matrix
 from flexplant.io.parse.own import HEADER, Arrays, header_text, read_header
+from flexplant.model.arrays import FloatArray
 from flexplant.plant.modal import ModalPlant
 from flexplant.plant.state_space import Descriptor, StateSpace
 
@@ -117,7 +118,7 @@ def _from_first_order(arrays: Arrays, texts: Mapping[str, Sequence[str]]) -> Pla
 
 
 def _modes_of(first: Plant, arrays: Arrays) -> ModalPlant | None:
-    """The modal plant whose state space this is, bit by bit; None where the file has no modes or other matrices."""
+    """The modal plant whose state space this is; None where the file has no modes, or other matrices than theirs."""
     from flexplant.plant.state_space import channels_of, state_space
 
     if not isinstance(first, StateSpace) or not {"omega", "zeta", "shape_in"} <= set(arrays):
@@ -125,8 +126,12 @@ def _modes_of(first: Plant, arrays: Arrays) -> ModalPlant | None:
     given: dict[str, Any] = {n: arrays[n] for n in SHAPES if n in arrays} | channels_of(first)
     plant = ModalPlant(omega=np.ravel(arrays["omega"]), zeta=np.ravel(arrays["zeta"]), **given)
     form = state_space(plant)
-    same = all(np.array_equal(getattr(form, n), getattr(first, n)) for n in "ABCD")
-    return plant if same else None
+    return plant if all(_equal(getattr(form, n), getattr(first, n)) for n in "ABCD") else None
+
+
+def _equal(ours: FloatArray, stored: FloatArray) -> bool:
+    """The same but for the order in which a product was summed, which is another for columns that MATLAB stores."""
+    return ours.shape == stored.shape and bool((abs(ours - stored) <= 1e-13 * abs(stored).max(initial=0.0)).all())
 
 
 def matlab_variables(plant: Plant) -> dict[str, Any]:
