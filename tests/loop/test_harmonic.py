@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+import scipy.sparse as sp
 import xarray as xr
 
 from flexplant.blocks.basic import gain
@@ -9,7 +10,7 @@ from flexplant.blocks.tones import Tones, rms
 from flexplant.blocks.transfer_function import transfer_function
 from flexplant.blocks.wheel import Wheel, harmonic_amplitudes, wheel_tones
 from flexplant.errors import InputError
-from flexplant.loop import tone_sweep
+from flexplant.loop import harmonic, tone_sweep
 from flexplant.loop.cascade import cascade_of
 from flexplant.loop.close import close
 from flexplant.loop.diagram import Diagram
@@ -20,6 +21,7 @@ from flexplant.loop.line_of_sight import closed_loop_transfer, line_of_sight_dia
 from flexplant.loop.steady import input_amplitudes, output_amplitudes, steady_states
 from flexplant.loop.tone_sweep import ToneSweep
 from flexplant.plant.modal import ModalPlant
+from flexplant.plant.state_space import Descriptor, state_space
 from flexplant.response import receptance
 from flexplant.response.frequency import frequency_response
 
@@ -116,7 +118,7 @@ def test_sweep_of_feedback_into_the_structure(published, make_plant, wheel, monk
 
 def test_sweep_names_undamped_modes(wheel, make_plant):
     plant = make_plant(zeta=0.0, n_rigid=0)
-    with pytest.raises(InputError, match="meets an undamped mode"):
+    with pytest.raises(InputError, match=r"meets the undamped mode 3 \(counted from 0\)"):
         wheel_speed_sweep(plant, wheel, [plant.omega[3] / (2 * np.pi)])
 
 
@@ -250,3 +252,41 @@ def test_rows_that_outputs_share_are_summed_once():
         outputs={**system.outputs, "twice": "twice.y"},
     )
     assert tone_sweep.tone_sweep_of(doubled)._read.shape == (9, 6)
+
+
+def test_an_unstable_system_has_no_steady_state(make_plant, wheel, monkeypatch):
+    """A plant whose velocity is fed back with the wrong sign: refused with its pole, in one line, by both routes."""
+    plant = make_plant(n_flexible=5, n_rigid=0)
+    rate = transfer_function([5e4, 0.0], [1e-7, 6e-4, 1.0], input_name="u", output_name="y")
+    system = Diagram(
+        blocks={"plant": plant, "rate": rate},
+        connections=[("plant.optic.1.1", "rate.u"), ("rate.y", "plant.bus.9001.1")],
+        inputs={name: f"plant.{name}" for name in plant.inputs[1:]},
+        outputs={"x": "plant.optic.1.1"},
+    )
+    poles = np.linalg.eigvals(close(system).A)
+    assert poles.real.max() > 1e-3
+    tones = Tones(frequency_hz=[3.0], amplitude=[[1.0]], inputs=[plant.inputs[1]])
+    for limit in (harmonic.WHOLE, 0):
+        monkeypatch.setattr(harmonic, "WHOLE", limit)
+        with pytest.raises(InputError, match=r"harmonic_response: 'diagram' is unstable, with a pole at .*rad/s"):
+            harmonic_response(system, tones)
+
+
+def test_plants_inside_large_loops_and_descriptors_go_by_their_response(published, make_plant, wheel, monkeypatch):
+    plant = make_plant(n_flexible=5, n_rigid=0, zeta=0.02)
+    diagram = line_of_sight_diagram(published, plant)
+    first = wheel_speed_sweep(diagram, wheel, [3.0, 20.0, 70.0])
+    monkeypatch.setattr(harmonic, "WHOLE", 0)
+    monkeypatch.setattr(harmonic, "tone_sweep_of", None)
+    second = wheel_speed_sweep(diagram, wheel, [3.0, 20.0, 70.0])
+    assert first.amplitude.values == pytest.approx(second.amplitude.values, rel=1e-9)
+    s = state_space(plant)
+    E = np.eye(s.n_states)
+    bordered = Descriptor(
+        E=sp.block_diag([E, np.zeros((1, 1))], format="csr"), A=sp.block_diag([s.A, np.eye(1)], format="csr"),
+        B=np.vstack([s.B, np.zeros((1, 6))]), C=np.hstack([s.C, np.zeros((2, 1))]), D=s.D, inputs=s.inputs, outputs=s.outputs,
+    )  # fmt: skip
+    third = wheel_speed_sweep(bordered, wheel, [3.0, 20.0])
+    monkeypatch.undo()
+    assert third.amplitude.values == pytest.approx(wheel_speed_sweep(plant, wheel, [3.0, 20.0]).amplitude.values, rel=1e-9)

@@ -168,6 +168,13 @@ def _listens(diagram: Diagram, block: Any, k: int) -> bool:
     return uncoupled and bool((wiring.source[wiring.input_block == k] == NONE).all())
 
 
+def closed_states(diagram: Diagram) -> int:
+    """The states of a linear diagram that become the dense rest of its cascade."""
+    linear_only(diagram)
+    rest = [block for k, block in enumerate(diagram.blocks.values()) if not _listens(diagram, block, k)]
+    return sum(2 * b.n_modes if isinstance(b, ModalPlant) else b.n_states for b in rest if not isinstance(b, SampledBlock))
+
+
 def _places(diagram: Diagram, listening: list[int]) -> dict[str, IntArray]:
     """Where the states of the listening plants, displacements before velocities, and the other states stand."""
     position, velocity, other, first = [], [], [], 0

@@ -11,21 +11,28 @@ import xarray as xr
 from flexplant.blocks.tones import Tones
 from flexplant.blocks.wheel import Wheel, harmonic_amplitudes
 from flexplant.errors import InputError, expect, nearest
-from flexplant.loop.cascade import simulated
+from flexplant.loop.cascade import closed_states, simulated
+from flexplant.loop.diagram import Diagram
 from flexplant.loop.frequency import ComplexArray, Linear, frequency_response
 from flexplant.loop.labels import coordinates
 from flexplant.loop.steady import input_amplitudes
-from flexplant.loop.tone_sweep import tone_sweep_of
+from flexplant.loop.tone_sweep import ToneSweep, tone_sweep_of
+from flexplant.loop.unstable import refuse_unstable
 from flexplant.model.arrays import FloatArray, real_values
+from flexplant.plant.state_space import Descriptor
+
+WHOLE = 300  # states closed on themselves, up to which they are decomposed
 
 
 def harmonic_response(system: Linear, tones: Tones) -> xr.DataArray:
     """Complex output amplitudes, dims (output, frequency): y(t) = sum_k Re(Y_k exp(i 2 pi f_k t)), Y = G(i 2 pi f) a.
 
-    Inputs without a tone are zero. RMS of an output: sqrt(sum |Y_k|^2 / 2) (see `tones.rms`). InputError for an unknown input.
+    Inputs without a tone are zero. RMS of an output: sqrt(sum |Y_k|^2 / 2) (see `tones.rms`). InputError for an unknown input,
+    a tone on an undamped pole, and an unstable system, naming its pole.
     """
     expect(tones, Tones, "harmonic_response", "wheel_tones(wheel, omega_hz) makes them")
     amplitude = input_amplitudes(tones, list(simulated(system).inputs))
+    _sweep_of(system, "harmonic_response")
     hz, where = np.unique(tones.frequency_hz, return_inverse=True)
     G = frequency_response(system, hz).values[:, :, where]
     return xr.DataArray(
@@ -41,7 +48,8 @@ def wheel_speed_sweep(systems: Linear | Mapping[str, Linear], wheel: Wheel, omeg
 
     systems: one system, or a mapping case -> system with the same outputs (say open and closed loop); without a mapping there is
     no `case` dimension. wheel.inputs names the six inputs it drives. amplitude: complex; rms: sqrt(sum |amplitude|^2 / 2).
-    Raises InputError for speeds that are not finite and positive, cases whose outputs differ, or unknown inputs.
+    Raises InputError for speeds that are not finite and positive, cases whose outputs differ, unknown inputs, a tone on an
+    undamped pole, and an unstable system, naming its pole.
     """
     expect(wheel, Wheel, "wheel_speed_sweep", "Wheel(amplitude=, harmonics=) makes one")
     for system in systems.values() if isinstance(systems, Mapping) else [systems]:
@@ -62,8 +70,8 @@ def wheel_speed_sweep(systems: Linear | Mapping[str, Linear], wheel: Wheel, omeg
 def _sweep(system: Linear, wheel: Wheel, speeds: FloatArray) -> xr.Dataset:
     harmonics, amplitudes = harmonic_amplitudes(wheel)
     columns = _columns(list(system.inputs), wheel)
-    sweep = tone_sweep_of(system)
-    if sweep.pays:
+    sweep = _sweep_of(system, "wheel_speed_sweep")
+    if sweep is not None and sweep.pays:
         whole = np.zeros((len(system.inputs), harmonics.size), dtype=complex)
         np.add.at(whole, columns, amplitudes)
         ascending, place = (speeds, None) if (speeds[1:] > speeds[:-1]).all() else np.unique(speeds, return_inverse=True)
@@ -79,6 +87,16 @@ def _sweep(system: Linear, wheel: Wheel, speeds: FloatArray) -> xr.Dataset:
         },
         coords=coordinates(output=list(system.outputs), omega_hz=speeds, harmonic=harmonics),
     )
+
+
+def _sweep_of(system: Linear, what: str) -> ToneSweep | None:
+    """The prepared sweep of a system that is stable, or None where a large part is closed on itself, or has no state space."""
+    if isinstance(system, Descriptor) or (isinstance(system, Diagram) and closed_states(system) > WHOLE):
+        refuse_unstable(system, what)
+        return None
+    sweep = tone_sweep_of(system)
+    sweep.refuse_growing(system.name, what)
+    return sweep
 
 
 def _by_response(

@@ -13,6 +13,7 @@ from flexplant.errors import InputError
 from flexplant.loop.cascade import Cascade, Simulated, cascade_of
 from flexplant.loop.diagram import Diagram
 from flexplant.loop.layout import shared_rows
+from flexplant.loop.unstable import refuse_growing
 from flexplant.model.arrays import FloatArray, IntArray
 from flexplant.numerics.compiled import numba
 from flexplant.response.receptance import ModalSum
@@ -74,6 +75,10 @@ class ToneSweep:
         if self.diagonal:
             whole = scale[:, None] * vectors
             self._to_modal, self._out_of = np.linalg.inv(whole), self.cascade.C @ whole
+
+    def refuse_growing(self, name: str, what: str) -> None:
+        """InputError with the pole for an unstable system: its steady state is never reached."""
+        refuse_growing(self._poles, self.cascade.dt, name, what)
 
     @property
     def pays(self) -> bool:
@@ -146,9 +151,10 @@ class ToneSweep:
     def _refuse_poles(self, omega: FloatArray) -> None:
         hit = self._undamped[np.isin(self._undamped, omega)] if self._undamped.size else self._undamped
         if hit.size:
-            where = hit[0] / (2 * np.pi)
+            where, mode = hit[0] / (2 * np.pi), int(np.flatnonzero(self.cascade.omega == hit[0])[0])
             raise InputError(
-                f"no steady state: a tone at {where:.6g} Hz meets an undamped mode; give it damping, or leave it out"
+                f"no steady state: a tone at {where:.6g} Hz meets the undamped mode {mode} (counted from 0); give it damping, or "
+                "leave this frequency out"
             )
         size, dt = abs(self._poles).max(initial=0.0), self.cascade.dt
         for pole in self._poles[abs(self._poles.real) <= 1e-14 * size] if dt is None else self._poles:

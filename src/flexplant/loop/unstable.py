@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import numpy.typing as npt
 
 from flexplant.errors import InputError
 from flexplant.loop.bordered import bordered
@@ -30,9 +31,16 @@ def refuse_unstable(system: Linear, what: str) -> None:
 
 
 def _refuse_dense(system: StateSpace, what: str) -> None:
-    poles = np.linalg.eigvals(system.A) if system.n_states else np.zeros(1)
-    growth = poles.real / max(float(abs(poles).max()), 1e-300) if system.dt is None else abs(poles) - 1
+    poles = np.linalg.eigvals(system.A) if system.n_states else np.zeros(0)
+    refuse_growing(np.asarray(poles, dtype=complex), system.dt, system.name, what)
+
+
+def refuse_growing(poles: npt.NDArray[np.complex128], dt: float | None, name: str, what: str) -> None:
+    """InputError with the pole that grows, of a system known by its poles (rad/s; z of a discrete one)."""
+    if not poles.size:
+        return
+    growth = poles.real / max(float(abs(poles).max()), 1e-300) if dt is None else abs(poles) - 1
     if growth.max() > ROUND_OFF:
         worst = complex(poles[int(growth.argmax())])
-        where = f"{worst:.6g} rad/s" if system.dt is None else f"z = {worst:.6g}"
-        raise InputError(f"{what}: {system.name!r} is unstable, with a pole at {where}; there is no steady state")
+        where = f"{worst:.6g} rad/s" if dt is None else f"z = {worst:.6g}"
+        raise InputError(f"{what}: {name!r} is unstable, with a pole at {where}; there is no steady state")
