@@ -126,3 +126,12 @@ def test_rounded_matrices_lean_on_geometry():
     np.testing.assert_allclose(modes.frequency_hz[6:12], full_hz(plate(6), 6), rtol=1e-6)
     with pytest.raises(SolverError, match="positions of its nodes would tell"):
         fp.rubin(replace(model, nodes=None), [(1, "123456")], n_modes=6)
+
+
+def test_a_stiff_small_part_has_no_mode_below_the_limit():
+    """The optic's first fixed-interface mode lies above 1 kHz: no mode is an answer."""
+    boundary = [(n, "123456") for n in (9101, 9201, 9202, 9203, 9204)]
+    component = fp.craig_bampton(shocksat("optic"), boundary, max_frequency_hz=150)
+    assert component.n_modal == 0
+    assert component.report.complete_below_hz == pytest.approx(150)
+    assert component.report.proved

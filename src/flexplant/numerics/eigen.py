@@ -230,7 +230,7 @@ def _searched(
     options: dict[str, Any] = {"block": block, "shift": shift, "below": factor.negative_pivots or 0, "locked": rigid}
     columns = 0
     while True:
-        fits = rigid is None and block == BLOCK and 16.0 * n * n <= memory_limit
+        fits = ask > 0 and rigid is None and block == BLOCK and 16.0 * n * n <= memory_limit
         found = short_lanczos(factor, problem.mass, ask, progress) if fits and isinstance(factor, BandedFactor) else None
         if found is None:
             found = lanczos(factor.solve, problem.mass, ask, memory_limit=memory_limit, progress=progress, **options)
