@@ -60,6 +60,7 @@ def test_frequency_responses(tmp_path: Path, even: bool) -> None:
     path.write_text(function(values, even=even) + mode(3.0, np.ones((2, 3))))
     (found,) = read_response_functions(path)
     assert (found.kind, found.response, found.reference) == (4, (12, -3), (11, 1))
+    assert (found.source["path"], len(found.source["sha256"])) == (str(path), 64)
     np.testing.assert_allclose(found.abscissa, 2.0 + 0.5 * np.arange(7))
     np.testing.assert_allclose(found.values, values, rtol=1e-11)
 

@@ -6,15 +6,15 @@ binary variant 58b is refused with a message that says so.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from flexplant.errors import InputError, ReadError
-from flexplant.io.parse.files import as_path, one_line
+from flexplant.io.parse.files import as_path, one_line, provenance
 from flexplant.io.parse.number_text import integers, read_lines
 from flexplant.model.arrays import FloatArray
 from flexplant.model.component import check_name
@@ -28,7 +28,10 @@ REAL_TYPES, COMPLEX_TYPES = (2, 4), (5, 6)
 
 @dataclass(frozen=True)
 class ResponseFunction:
-    """A dataset 58: values over the abscissa (Hz for a frequency response), response and reference DOF (node, direction)."""
+    """A dataset 58: values over the abscissa (Hz for a frequency response), response and reference DOF (node, direction).
+
+    source: the file, its hash and the reader.
+    """
 
     title: str
     kind: int
@@ -36,6 +39,7 @@ class ResponseFunction:
     reference: tuple[int, int]
     abscissa: FloatArray
     values: Any
+    source: Mapping[str, Any] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -94,7 +98,8 @@ def read_response_functions(path: str | Path) -> list[ResponseFunction]:
     found = [s for s in sections(path) if s.number.startswith("58")]
     if any(s.number != "58" for s in found):
         raise ReadError(path, "has binary datasets 58b; export them as ASCII (58)")
-    return [_function(path, s) for s in found]
+    source = provenance(path, "universal file 58", __name__) if found else {}
+    return [replace(_function(path, s), source=source) for s in found]
 
 
 def _numbers(path: Path, section: Section, start: int, stop: int | None = None) -> FloatArray:
