@@ -112,6 +112,12 @@ def expect_text(value: object, what: str, *, empty: bool = False) -> None:
         raise InputError(f"{what} must be a text in one line{'' if empty else ', not empty'}, got {value!r:.60}")
 
 
+def expect_function(value: object, what: str, arguments: str) -> None:
+    """InputError unless `value` can be called, with these arguments, or is None."""
+    if not (value is None or callable(value)):
+        raise InputError(f"{what} must be a function of ({arguments}), or None, got {value!r:.60}")
+
+
 def nearest(name: object, known: Iterable[str]) -> str:
     """A hint such as " Did you mean 'bus.9001.1'?" (or the first few known names) for an unknown name."""
     known = list(known)

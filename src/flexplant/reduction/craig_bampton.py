@@ -6,7 +6,7 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from flexplant.errors import InputError
+from flexplant.errors import InputError, expect_function
 from flexplant.model.arrays import Matrix, checked_switch, checked_symmetric, is_number
 from flexplant.model.component import FiniteElementModel
 from flexplant.model.damping import DampingRatio, with_modal_damping
@@ -74,8 +74,7 @@ def craig_bampton(
         raise InputError(f"craig_bampton: verify_count is True, False or None, got {verify_count!r:.60}")
     checked_switch(error_estimate, "craig_bampton: error_estimate")
     max_frequency_hz = None if max_frequency_hz is None else float(max_frequency_hz)
-    if not (progress is None or callable(progress)):
-        raise InputError(f"craig_bampton: progress must be a function of (stage, share), or None, got {progress!r:.60}")
+    expect_function(progress, "craig_bampton: progress", "stage, share")
     recover = checked_extras(model, recover, keep_basis, damping_ratio)
     structural_damping = _checked_damping(model, structural_damping)
     part = Partition.of(model, boundary, threads=threads, memory_limit=memory_limit, backend=backend)

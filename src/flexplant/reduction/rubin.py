@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 import scipy.linalg as la
 
-from flexplant.errors import InputError, expect, expect_count
+from flexplant.errors import InputError, expect, expect_count, expect_function
 from flexplant.model.arrays import FloatArray, checked_switch, is_number
 from flexplant.model.component import FiniteElementModel
 from flexplant.model.damping import DampingRatio, with_modal_damping
@@ -60,8 +60,7 @@ def rubin(
     if n_modes is not None and n_modes > len(model.dofs):
         raise InputError(f"rubin: n_modes {n_modes} must lie between 0 and the {len(model.dofs)} DOF of model {model.name!r}")
     checked_switch(error_estimate, "rubin: error_estimate")
-    if not (progress is None or callable(progress)):
-        raise InputError(f"rubin: progress must be a function of (stage, share), or None, got {progress!r:.60}")
+    expect_function(progress, "rubin: progress", "stage, share")
     recover = checked_extras(model, recover, keep_basis, damping_ratio)
     part = Partition.of(model, boundary, threads=threads, memory_limit=memory_limit, backend=backend)
     free = FreeSolve(part)

@@ -8,6 +8,9 @@ from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
 
+from flexplant.errors import expect_function
+from flexplant.io.parse.files import as_path
+from flexplant.model.arrays import checked_switch
 from flexplant.modes import normal_modes
 from flexplant.response.frequency import frequency_response
 from flexplant.study.assemble import assemble, read_components
@@ -38,8 +41,10 @@ def run_study(
     progress: called with the name of each step and the share done before it. A failed check is a value in `.checks`, not an
     error. Raises StudyError for a study file that cannot be used, and the errors of the steps.
     """
-    study = load_study(path, allow_outside=allow_outside)
-    path, steps = Path(path), _Steps(progress)
+    checked_switch(allow_outside, "run_study: allow_outside")
+    expect_function(progress, "run_study: progress", "step, share")
+    path, output = as_path(path), None if output is None else as_path(output)
+    study, steps = load_study(path, allow_outside=allow_outside), _Steps(progress)
     with output_folder(output) if output is not None else nullcontext() as work:
         result = _result(study, path, steps)
         if work is None or output is None:
