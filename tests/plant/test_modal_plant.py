@@ -264,3 +264,68 @@ def test_modes_of_another_object_are_refused():
     for other in (normal_modes(system.components[0]), "modes"):
         with pytest.raises(InputError, match=rf"modes must be those of this system, with shapes over its {system.n} coord"):
             modal_plant(system, inputs=["a.1.2"], outputs=["a.1.2"], modes=other)
+
+
+def truncated_error(hz, static_correction, outputs):
+    """(ny, nf) worst error of the truncated plant, relative to the largest of each output."""
+    system = two_beams(damping=0.0)
+    arguments = {"inputs": INPUTS, "outputs": outputs, "damping_ratio": 0.0}
+    exact = frequency_response(modal_plant(system, **arguments), hz).values
+    plant = modal_plant(system, **arguments, max_frequency_hz=500.0, static_correction=static_correction)
+    assert (plant.static_correction is None) == (static_correction == "modes")
+    return abs(frequency_response(plant, hz).values - exact).max(axis=1) / abs(exact).max(axis=1)
+
+
+def test_residual_modes_correct_velocities_and_accelerations_too():
+    outputs = ["b.14.3", "b.14.3:v", "b.14.3:a", "a.2.2:a", "a-b.force.5.123"]
+    hz = np.array([11.0, 50.0])
+    static, residual = (truncated_error(hz, how, outputs) for how in (True, "modes"))
+    assert (residual < 0.5 * static).all()
+    assert (residual[[1, 2, 3]] < 1e-2 * static[[1, 2, 3]]).all()
+
+
+def test_residual_modes_converge_with_the_fourth_power_at_collocated_outputs():
+    """The direct term leaves out w^2 Phi phi^T / w_k^4; residual modes of a load match it at that load: two orders more."""
+    outputs, hz = ["b.14.3", "a.2.2"], np.array([20.0, 40.0])
+    for how, order in ((True, 2), ("modes", 4)):
+        system = two_beams("primal", damping=0.0, grounded=True)
+        arguments = {"inputs": ["b.14.3", "a.2.2"], "outputs": outputs, "damping_ratio": 0.0}
+        exact = frequency_response(modal_plant(system, **arguments), hz).values
+        plant = modal_plant(system, **arguments, max_frequency_hz=500.0, static_correction=how)
+        error = abs(frequency_response(plant, hz).values - exact).max(axis=(0, 1))
+        assert np.log2(error[1] / error[0]) == pytest.approx(order, abs=0.3)
+
+
+def test_residual_modes_of_equal_and_of_massless_inputs():
+    """Equal inputs share a residual mode; what has no inertia stays a direct term."""
+    system = two_beams(damping=0.0)
+    once = modal_plant(system, inputs=["b.14.3"], outputs=["b.14.3"], n_modes=14, damping_ratio=0.01, static_correction="modes")
+    both = modal_plant(
+        system, inputs=["b.14.3", "a.2.1"], outputs=["b.14.3"], n_modes=14, damping_ratio=0.01, static_correction="modes"
+    )
+    assert (once.report["residual_modes"], both.report["residual_modes"]) == (1, 2)
+    assert (once.report["modes_kept"], once.n_modes, once.n_rigid) == (14, 15, 6)
+    assert np.array_equal(np.sort(once.omega), once.omega)
+    K = np.diag([4.0, 3.0, 3.0]) * 1e4 - 3e4 * (np.eye(3, k=1) * [0, 1, 0] + np.eye(3, k=-1) * [[0], [1], [0]])
+    K[1:, 1:] += np.diag([1e4, 0.0])
+    part = Component(name="c", mass=np.diag([2.0, 0.5, 0.0]), stiffness=K, boundary=[(1, 1), (2, 1), (3, 1)])
+    plant = modal_plant(
+        couple([part], []), inputs=["c.3.1"], outputs=["c.3.1"], n_modes=1, damping_ratio=0.01, static_correction="modes"
+    )
+    assert plant.static_correction is not None
+    assert frequency_response(plant, [0.0]).item() == pytest.approx(np.linalg.inv(K)[2, 2], rel=1e-12)
+
+
+def test_residual_modes_keep_reciprocity_and_the_static_answer():
+    system = two_beams(grounded=True)
+    names = ["a.2.1", "b.14.3", "b.12.5"]
+    plant = modal_plant(system, inputs=names, outputs=names, n_modes=4, static_correction="modes")
+    G = frequency_response(plant, [0.0, 77.0]).values
+    assert np.allclose(G, G.transpose(1, 0, 2), rtol=1e-9, atol=1e-15)
+    exact = frequency_response(modal_plant(system, inputs=names, outputs=names), [0.0]).values
+    assert np.allclose(G[:, :, :1], exact, rtol=1e-9, atol=1e-9 * abs(exact).max())
+
+
+def test_the_kind_of_static_correction_is_checked():
+    with pytest.raises(InputError, match="static_correction"):
+        modal_plant(two_beams(), inputs=INPUTS, outputs=["b.14.3"], static_correction="mode")

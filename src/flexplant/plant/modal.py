@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
@@ -23,6 +23,7 @@ from flexplant.plant.channels import (
 )
 from flexplant.plant.damping import ModalDamping, check_choice, projected_damping, ratio_damping
 from flexplant.plant.fields import checked_dense, checked_names, checked_units, checked_vector
+from flexplant.plant.residual_modes import with_residual_modes
 from flexplant.plant.static_correction import residual_displacement
 
 
@@ -132,7 +133,7 @@ def modal_plant(
     max_frequency_hz: float | None = None,
     n_modes: int | None = None,
     damping_ratio: DampingRatio | None = None,
-    static_correction: bool = True,
+    static_correction: bool | Literal["modes"] = True,
     off_diagonal_damping: str = "keep",
     modes: Modes | None = None,
     name: str = "plant",
@@ -142,7 +143,9 @@ def modal_plant(
     max_frequency_hz, n_modes: which modes are kept, rigid-body modes counted; all finite modes where neither is given.
     damping_ratio: one value, one a kept mode, or a table [(frequency_hz, ratio), ...]; None projects the system's own
     damping, Phi^T Z Phi. off_diagonal_damping: "keep" or "drop" what couples modes; `report` states it either way.
-    static_correction: adds the residual flexibility of all truncated modes to displacement outputs and interface forces.
+    static_correction: True adds the residual flexibility of all truncated modes to displacement outputs and interface forces as
+    a direct term; "modes" adds it as residual modes, one an input at most, above the kept ones (see `residual_modes`): velocity
+    and acceleration outputs are corrected too, and y has no direct term; damping ratios apply to them as to modes.
     modes: those of an earlier normal_modes(system, ...), to save the solution.
     Raises InputError for unknown names or choices, and for structural damping without ratios in its place, SolverError
     where modes or static correction cannot be computed.
@@ -154,19 +157,22 @@ def modal_plant(
             system, "modal_plant",
             "use structural_frequency_response, give damping_ratio, or couple with_equivalent_viscous_damping(component, hz)",
         )  # fmt: skip
-    checked_switch(static_correction, "modal_plant: static_correction")
+    if static_correction != "modes":
+        checked_switch(static_correction, "modal_plant: static_correction (or 'modes')")
     if modes is None:
         modes = normal_modes(system, max_frequency_hz=max_frequency_hz, n_modes=n_modes)
     expect_modes_of(modes, system, "modal_plant")
     columns, rows = input_matrix(system, inputs), output_matrices(system, outputs)
+    kept, lacking = modes, None
+    if static_correction and len(modes) < system.basis.shape[1]:
+        modes, lacking = _corrected(system, columns.matrix, modes, static_correction)
     shapes, omega = modes.shapes, modes.omega
     if damping_ratio is None:
         damping = projected_damping(system.uncoupled_damping, shapes, omega, off_diagonal_damping)
     else:
         damping = ratio_damping(damping_ratio, omega)
     acceleration = None if rows.acceleration is None else rows.acceleration @ shapes
-    complete = omega.size == system.basis.shape[1]
-    correction = None if complete or not static_correction else _correction(system, columns.matrix, rows, modes)
+    correction = None if lacking is None else np.asarray(rows.displacement @ lacking)
     return ModalPlant(
         omega=omega,
         zeta=damping.zeta,
@@ -182,21 +188,26 @@ def modal_plant(
         input_units=columns.units,
         output_units=rows.units,
         name=name,
-        report=_kept_report(system, modes, correction) | damping.report,
+        report=_kept_report(system, kept, len(modes) - len(kept), correction) | damping.report,
     )
 
 
-def _kept_report(system: System, modes: Modes, correction: FloatArray | None) -> dict[str, Any]:
+def _corrected(system: System, forces: Any, modes: Modes, how: bool | str) -> tuple[Modes, FloatArray | None]:
+    """(modes, with residual modes where these are asked; static displacement (n, nu) for the direct term, or None)."""
+    if how != "modes":
+        return modes, residual_displacement(system, forces, modes.omega, modes.shapes)
+    enriched, lacking = with_residual_modes(system, forces, modes)
+    return enriched, lacking if lacking.any() else None
+
+
+def _kept_report(system: System, modes: Modes, residual_modes: int, correction: FloatArray | None) -> dict[str, Any]:
     return {
         "modes_kept": len(modes),
+        "residual_modes": residual_modes,
         "coupled_coordinates": int(system.basis.shape[1]),
         "highest_frequency_hz": float(modes.frequency_hz[-1]) if len(modes) else 0.0,
-        "static_correction": correction is not None,
+        "static_correction": correction is not None or residual_modes > 0,
     }
-
-
-def _correction(system: System, forces: Any, rows: OutputRows, modes: Modes) -> FloatArray:
-    return np.asarray(rows.displacement @ residual_displacement(system, forces, modes.omega, modes.shapes))
 
 
 def _velocity_rows(

@@ -188,7 +188,10 @@ class PlantSpec(Section):
         description="outputs: component.node.directions (:v or :a for rates), or component.recovery.label",
     )
     max_frequency_hz: Positive | None = Field(default=None, description="modes above are truncated; left out: all modes kept")
-    static_correction: bool = Field(default=True, description="add the static response of the truncated modes")
+    static_correction: bool | Literal["modes"] = Field(
+        default=True,
+        description="the static response of the truncated modes: true adds a direct term, modes adds residual modes",
+    )
     off_diagonal_damping: Literal["keep", "drop"] = Field(
         default="keep",
         description="what to do with modal damping that couples modes",

@@ -52,7 +52,7 @@ def _plant(result: StudyResult) -> str:
     plant, damping = result.plant, result.study.damping
     own = "the damping of the components" if any(c.damping is not None for c in result.system.components) else "no damping"
     ratio = own if damping is None else f"a damping ratio of {damping.ratio} on the {damping.on}"
-    corrected = "with" if plant.static_correction is not None else "without"
+    corrected = "with" if plant.report.get("static_correction") else "without"
     limit = result.study.plant.max_frequency_hz
     kept = "all modes kept" if limit is None else f"{corrected} static correction of the truncated modes"
     return (
