@@ -262,7 +262,7 @@ BODY = ModalPlant(omega=[0.0, 3.0], zeta=0.0, shape_in=[[1.0], [1.0]], shape_out
     [
         (lambda: simulate(BODY, [0, 1, 3], np.zeros(3)), "not uniform"),
         (lambda: simulate(BODY, [0.0], [0.0]), "at least two"),
-        (lambda: simulate(BODY, T, progress=5), "progress = 5: give a function"),
+        (lambda: simulate(BODY, T, progress=5), "progress must be a function"),
         (lambda: simulate(BODY, (1000 + T * 1e-5).astype(np.float32)), "float32 is too coarse for them"),
         (lambda: simulate(BODY, np.array([0, 1, 2.01], dtype=np.float32)), "not uniform"),
         (lambda: simulate(BODY, T[::-1]), "not uniform and increasing"),
