@@ -67,6 +67,17 @@ def test_peaks_of_closed_loops(monkeypatch, limit):
             assert gains[inside].max() >= (1 - 2 * PROMISED) * fine.max()
 
 
+@pytest.mark.parametrize("limit", [300, 0])
+def test_grids_of_diagrams_say_where_their_points_stand(monkeypatch, limit):
+    monkeypatch.setattr(grids, "SMALL", limit)
+    plant = close_modes(0.01, 0, n=3)
+    inputs, outputs = ({name: f"p.{name}" for name in names} for names in (plant.inputs, plant.outputs))
+    grid = fp.adaptive_grid(fp.Diagram(blocks={"p": plant}, inputs=inputs, outputs=outputs), 1.0, 2000.0)
+    assert grid.resonance_hz == pytest.approx(plant.frequency_hz * np.sqrt(1 - 2e-4))
+    assert grid.explanation.startswith(f"{grid.size} points from 1 to 2000 Hz: ")
+    assert ("about the poles of every block by itself" in grid.explanation) == (limit == 0)
+
+
 def test_bad_systems():
     with pytest.raises(InputError, match="got int"):
         fp.adaptive_grid(3, 1.0, 2.0)

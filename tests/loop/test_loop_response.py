@@ -66,6 +66,10 @@ def test_curves_obey_their_definitions():
     assert found.disk_margin <= found.disk.min() * (1 + 1e-6)
     assert found.S_peak >= found.S_singular.max() * (1 - 1e-6)
     assert list(found.signal.values) == AT
+    assert found.attrs["grid"] == "given"
+    own = loop_response(diagram, AT)
+    assert own.attrs["grid"].startswith(f"{own.sizes['frequency']} points about the poles of every block")
+    assert own.S_singular.max() <= own.S_peak * (1 + 1e-12)
 
 
 @pytest.mark.parametrize(

@@ -73,6 +73,29 @@ def test_grid_meets_every_peak(zeta):
     assert np.allclose(adaptive_grid(state_space(plant), 0.1, 200.0), grid, rtol=1e-6)
 
 
+def test_grid_says_where_its_points_stand():
+    omega = 2 * np.pi * np.array([0.01, 2.0, 30.0, 40.0, 4000.0])
+    plant = ModalPlant(
+        omega=omega,
+        zeta=[0.01, 0.01, 0.0, 0.9, 0.01],
+        shape_in=np.ones((5, 1)),
+        shape_out=np.ones((1, 5)),
+        inputs=["u"],
+        outputs=["y"],
+    )
+    grid = adaptive_grid(plant, 0.1, 200.0)
+    assert grid.resonance_hz == pytest.approx([2.0 * np.sqrt(1 - 2e-4), 30.0])
+    assert grid.undamped_hz == pytest.approx([30.0])
+    assert grid.explanation.startswith(f"{grid.size} points from 0.1 to 200 Hz: 60 a decade, and 13 about each resonance")
+    assert "2 resonances, those at 30 Hz without damping: bracketed, not hit" in grid.explanation
+    for at in grid.resonance_hz:
+        assert np.count_nonzero(abs(grid / at - 1) < 0.2) >= 12
+    assert frequency_response(plant, grid).frequency.size == grid.size
+    assert grid[2:5].explanation == ""
+    assert (2 * grid).explanation == ""
+    assert np.unique(grid).size == grid.size
+
+
 def test_grid_never_sits_on_an_undamped_mode():
     plant = modal(zeta=0.0, rigid=2)
     grid = adaptive_grid(plant, 0.1, 200.0)

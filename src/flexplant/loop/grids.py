@@ -14,19 +14,21 @@ from flexplant.plant.modal import ModalPlant
 from flexplant.plant.state_space import StateSpace
 from flexplant.response import grids
 from flexplant.response.crossings import refined_grid
+from flexplant.response.grids import FrequencyGrid, explained_grid
 
 SMALL = 300  # states of a diagram up to which its closed poles are found
 
 
 def adaptive_grid(
     system: ModalPlant | StateSpace | Diagram, low_hz: float, high_hz: float, *, per_mode: int = 13, per_decade: int = 60
-) -> FloatArray:
+) -> FrequencyGrid:
     """(nf,) ascending frequencies in Hz from low_hz to high_hz, with points about every resonance.
 
     Plants, blocks and diagrams of up to 300 states: about the poles (the closed ones), see `flexplant.response.grids`; a peak is
     met within about 1 - cos(pi / (2 per_mode + 2)) of its height, 0.6 % at the default 13. Larger diagrams, whose closed poles
     are not computed: about the poles of every block by itself, then divided until no entry of the response bends by more than
-    5 % of its value within an interval. Raises InputError for bounds that are not 0 < low < high, or fewer than 3 points a mode.
+    5 % of its value within an interval. The grid says where its points stand (see `FrequencyGrid`).
+    Raises InputError for bounds that are not 0 < low < high, or fewer than 3 points a mode.
     """
     if not isinstance(system, Diagram):
         if not isinstance(system, ModalPlant | StateSpace):
@@ -43,4 +45,7 @@ def adaptive_grid(
     def entries(hz: FloatArray) -> ComplexArray:
         return prepared.at(hz).reshape(-1, hz.size)
 
-    return refined_grid(entries, np.unique(np.concatenate(parts)))[0]
+    points = np.unique(np.concatenate(parts))
+    resonances, lasting = (np.concatenate([getattr(part, name) for part in parts]) for name in ("resonance_hz", "undamped_hz"))
+    how = f"{points.size} about the poles of every block by itself, and more until the response bends little between them"
+    return explained_grid(refined_grid(entries, points)[0], resonances, lasting, how)

@@ -13,6 +13,30 @@ MOST = 1_000_000  # points a mode and a decade
 SHARPEST = 1e-9  # half bandwidth relative to the frequency, below which a mode counts as undamped and is only bracketed
 
 
+class FrequencyGrid(np.ndarray[tuple[int], np.dtype[np.float64]]):
+    """Ascending frequencies in Hz, an array like any other, that says where its points stand.
+
+    resonance_hz: the resonances within the grid about which points stand. undamped_hz: those without damping, where the response
+    is infinite: bracketed by points and never hit. explanation: the same in words, with the numbers of points. What is made
+    from the grid (parts, products) says nothing.
+    """
+
+    resonance_hz: FloatArray = np.zeros(0)
+    undamped_hz: FloatArray = np.zeros(0)
+    explanation: str = ""
+
+
+def explained_grid(hz: FloatArray, resonance_hz: FloatArray, undamped_hz: FloatArray, how: str) -> FrequencyGrid:
+    """The grid with what it says; how: the rule for its points, in words."""
+    grid, known = hz.view(FrequencyGrid), [at[(at >= hz[0]) & (at <= hz[-1])] for at in (resonance_hz, undamped_hz)]
+    grid.resonance_hz, grid.undamped_hz = np.sort(known[0]), np.sort(known[1])
+    lasting = ", ".join(f"{at:.6g} Hz" for at in grid.undamped_hz[:8]) + (", ..." if grid.undamped_hz.size > 8 else "")
+    grid.explanation = f"{grid.size} points from {hz[0]:.6g} to {hz[-1]:.6g} Hz: {how}; {grid.resonance_hz.size} resonances" + (
+        f", those at {lasting} without damping: bracketed, not hit" if grid.undamped_hz.size else ""
+    )
+    return grid
+
+
 def adaptive_grid(
     plant: ModalPlant | StateSpace,
     low_hz: float,
@@ -20,8 +44,10 @@ def adaptive_grid(
     *,
     per_mode: int = 13,
     per_decade: int = 60,
-) -> FloatArray:
+) -> FrequencyGrid:
     """(nf,) ascending frequencies in Hz from low_hz to high_hz: a logarithmic grid, and points about every resonance.
+
+    The grid says where its points stand (see `FrequencyGrid`).
 
     About a pole p the points are f_r + (|Re p| / 2 pi) tan(theta), theta equally spaced in (-pi/2, pi/2), f_r the resonance
     sqrt(|p|^2 - 2 Re(p)^2) / 2 pi: equal steps of phase, so the peak of a single mode is met at its top, and one that its
@@ -44,12 +70,15 @@ def adaptive_grid(
     points = resonance[:, None] + width[:, None] * np.tan(theta)
     undamped = decay <= SHARPEST * size
     points[undamped, (per_mode | 1) // 2] = np.nan
-    count = max(2, int(np.ceil(per_decade * np.log10(high_hz / low_hz))) + 1)
+    decades = np.log10(high_hz) - np.log10(low_hz)
+    count = max(2, int(np.ceil(per_decade * decades)) + 1)
     base = np.geomspace(low_hz, high_hz, count)
     every = np.r_[base, points[np.isfinite(points)].ravel()]
     grid = np.unique(every[(every >= low_hz) & (every <= high_hz)])
     at = resonance[undamped]
-    return grid[~np.isin(grid, at)] if at.size else grid
+    grid = grid[~np.isin(grid, at)] if at.size else grid
+    how = f"{per_decade:g} a decade, and {per_mode | 1} about each resonance, at equal steps of phase"
+    return explained_grid(grid, resonance[resonance > 0], at, how)
 
 
 def _poles(plant: ModalPlant | StateSpace) -> tuple[FloatArray, FloatArray]:
