@@ -15,8 +15,12 @@ import numpy as np
 import scipy.sparse as sp
 
 from flexplant.errors import InputError, MissingExtraError, SolverError
+from flexplant.numerics.factorization.column_counts import cholesky_estimate, relaxed_entries, tree_and_counts
+from flexplant.numerics.factorization.protocol import Estimate
 
 SUPERNODAL, SIMPLICIAL = "supernodal", "simplicial"
+MERGED = ((4, np.inf), (16, 0.8), (48, 0.1), (10**15, 0.05))  # CHOLMOD's nrelax and zrelax, as its user guide documents them
+ENTRY_BYTES = 11  # measured, index and the triangles above the diagonal blocks included
 
 
 def available() -> bool:
@@ -50,11 +54,17 @@ class CholmodFactor:
 
 @dataclass(frozen=True, eq=False)
 class CholmodAnalysis:
-    """See `Analysis`. scikit-sparse does not hand out CHOLMOD's own count of the fill, so nothing is known before."""
+    """See `Analysis`. scikit-sparse does not hand out CHOLMOD's own count of the fill, so it is counted in CHOLMOD's order."""
 
     symbolic: Any
     pattern: Any
-    estimate: None = None
+
+    @cached_property
+    def estimate(self) -> Estimate:
+        """Cost of a supernodal factorisation."""
+        order = np.asarray(self.symbolic.P(), dtype=np.int64)
+        parent, counts = tree_and_counts(sp.csr_array(self.pattern), order)
+        return cholesky_estimate(counts, relaxed_entries(parent, counts, MERGED), ENTRY_BYTES)
 
     def factorize(self, matrix: Any) -> CholmodFactor:
         """Factor a matrix; one of another pattern is analysed anew. SolverError where it is singular."""
