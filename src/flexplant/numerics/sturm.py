@@ -10,6 +10,7 @@ import scipy.sparse as sp
 from flexplant.errors import SolverError
 from flexplant.model.arrays import FloatArray
 from flexplant.numerics.factorization import Analysis, Estimate, Factor
+from flexplant.numerics.factorization.supernodal_backend import SupernodalAnalysis
 
 EQUAL = 1e-6  # relative distance of two w^2 below which they count as one repeated mode
 CLOSE = 1e-4  # relative distance to the last modes at which they are counted: a pivot's sign is sure, and little left unsaid
@@ -21,6 +22,7 @@ def count_below(stiffness: Any, mass: Any, omega2: float, analysis: Analysis) ->
 
     A mode that sits on the limit to the last digit makes the matrix singular; the limit is then raised by 1e-9 of itself.
     """
+    analysis = analysis.pivoting if isinstance(analysis, SupernodalAnalysis) else analysis
     try:
         factor = analysis.factorize(sp.csc_array(stiffness - omega2 * mass))
     except SolverError:

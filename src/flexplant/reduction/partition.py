@@ -63,6 +63,7 @@ class Partition:
         """Blocks ii, ib and bb of "mass" or "stiffness", cut from one reordered copy."""
         order, n_i = np.r_[self.i, self.b], self.i.size
         whole = self.block(kind, order, order)
+        whole.sort_indices()
         return whole[:n_i, :n_i], whole[:n_i, n_i:], whole[n_i:, n_i:]
 
     @cached_property
@@ -95,7 +96,7 @@ class Partition:
     @cached_property
     def analysis(self) -> Analysis:
         """Symbolic analysis of Kii; SolverError where its factor and the constraint modes do not fit in memory."""
-        analysis = self._small() or analyze(self.kii, backend=self.backend, threads=self.threads)
+        analysis = self._small() or analyze(self.kii, backend=self.backend, threads=self.threads, definite=True)
         refuse_above(analysis.estimate, self.memory_limit, besides=16.0 * self.i.size * self.b.size)
         return analysis
 
