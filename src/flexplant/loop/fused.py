@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib
 from collections.abc import Callable
+from dataclasses import dataclass
 from functools import cache
 from typing import Protocol
 
@@ -15,11 +16,13 @@ from flexplant.loop.lifted import stepped
 from flexplant.loop.parallel import separated, separation
 from flexplant.loop.recursion import Standing
 from flexplant.loop.stepping import Stepper, stepper
-from flexplant.loop.tiled import MOST_REST, Rows, TileSteps, modes_driven
+from flexplant.loop.tiled import MOST_REST, Drive, Rows, TileSteps, modes_driven
 from flexplant.model.arrays import FloatArray
 from flexplant.numerics.compiled import numba
 
 CHUNK = 16384  # samples taken at once
+Pair = tuple[FloatArray, FloatArray]
+Tiles = tuple[Drive, Rows, Pair, Pair]
 LARGEST_REST = 64  # other states up to which stepping them one sample at a time is the faster way
 
 
@@ -71,19 +74,6 @@ def kept_samples(position: int, every: int, count: int) -> int:
     return len(range(-position % every, count, every))
 
 
-def steps_of(
-    cascade: Cascade, one: Stepper, causal: FloatArray, D: FloatArray, rows: Rows | None, every: int
-) -> BlockSteps | TileSteps:
-    """The steps that keep the rows' sums in registers where there are few rows and each sample is kept, else those in blocks."""
-    n = cascade.omega.size
-    if every == 1 and n and D.shape[1] and cascade.A.shape[0] <= MOST_REST:
-        rows = rows or Rows(np.vstack([one.from_modes, cascade.C_modes]))
-        if rows.fit:
-            drive = modes_driven(one, cascade.shape_in)
-            return TileSteps(drive, rows, (one.A, causal[:, 2 * n :].T), (cascade.C, D))
-    return BlockSteps(cascade, one, causal, D, every)
-
-
 def parallel_rows(cascade: Cascade, every: int) -> tuple[Rows | None, FloatArray | None]:
     """The rows of the parallel form, and its T; None where it does not help.
 
@@ -99,6 +89,51 @@ def parallel_rows(cascade: Cascade, every: int) -> tuple[Rows | None, FloatArray
     return (rows, T) if rows.fit else (None, None)
 
 
+@dataclass(frozen=True, eq=False)
+class Prepared:
+    """What the recursion of a cascade needs at one time step, and no run changes.
+
+    own: the cascade, or its parallel form by T. causal: (nw, 2n + m) what w adds to the next state, once the state is shifted by
+    ramp (nw, 2n + m). tiles: what `TileSteps` takes, or None for the steps in blocks.
+    """
+
+    own: Cascade
+    T: FloatArray | None
+    one: Stepper
+    ramp: FloatArray
+    causal: FloatArray
+    D: FloatArray
+    tiles: Tiles | None
+
+    def steps(self, every: int) -> Steps:
+        """Steps with scratch of their own."""
+        return BlockSteps(self.own, self.one, self.causal, self.D, every) if self.tiles is None else TileSteps(*self.tiles)
+
+
+def prepared(cascade: Cascade, dt: float, hold: str, every: int) -> Prepared:
+    """Made once for each time step: the cascade of a diagram keeps the last one."""
+    key, kept = (dt, hold, every == 1), cascade.derived.get("steps")
+    if kept is None or kept[0] != key:
+        kept = cascade.derived["steps"] = key, _prepare(cascade, dt, hold, every)
+    found: Prepared = kept[1]
+    return found
+
+
+def _prepare(cascade: Cascade, dt: float, hold: str, every: int) -> Prepared:
+    """Tiles where each sample is kept and not too many rows read the modes, else blocks."""
+    rows, T = parallel_rows(cascade, every)
+    own = cascade if T is None else separated(cascade, T)
+    one, nw, n = stepper(own, dt, hold), own.B.shape[1], own.omega.size
+    ramp = one.drive[nw:]
+    causal = one.drive[:nw] - ramp + stepped(one, ramp)
+    D, tiles = own.D + np.hstack([own.C_modes, own.C]) @ ramp.T, None
+    if every == 1 and n and nw and own.A.shape[0] <= MOST_REST:
+        rows = rows or Rows(np.vstack([one.from_modes, own.C_modes]))
+        if rows.fit:
+            tiles = modes_driven(one, own.shape_in), rows, (one.A, causal[:, 2 * n :].T), (own.C, D)
+    return Prepared(own, T, one, ramp, causal, D, tiles)
+
+
 class FusedRecursion(Standing):
     """x[k+1] = F x[k] + G w[k] of a cascade, resumable; equal to the lifted `Recursion` to round-off.
 
@@ -108,14 +143,8 @@ class FusedRecursion(Standing):
 
     def __init__(self, cascade: Cascade, dt: float, state: FloatArray, hold: str, every: int = 1) -> None:
         super().__init__(cascade, state, dt)
-        self.every = every
-        rows, self._T = parallel_rows(cascade, every)
-        own = cascade if self._T is None else separated(cascade, self._T)
-        one, nw = stepper(own, dt, hold), own.B.shape[1]
-        self._ramp = one.drive[nw:]
-        causal = one.drive[:nw] - self._ramp + stepped(one, self._ramp)
-        D = own.D + np.hstack([own.C_modes, own.C]) @ self._ramp.T
-        self._steps: Steps = steps_of(own, one, causal, D, rows, every)
+        made = prepared(cascade, dt, hold, every)
+        self.every, self._T, self._ramp, self._steps = every, made.T, made.ramp, made.steps(every)
 
     @property
     def chunk(self) -> int:

@@ -9,7 +9,7 @@ import numpy.typing as npt
 import xarray as xr
 
 from flexplant.blocks.tones import Tones, tone_signal
-from flexplant.errors import InputError, expect_count, expect_function, nearest
+from flexplant.errors import InputError, expect_count, nearest
 from flexplant.loop.cascade import Cascade, Simulated, simulated
 from flexplant.loop.diagram import Diagram
 from flexplant.loop.loop_recursion import recursion_of
@@ -56,7 +56,8 @@ def simulate(
     """
     t, dt = checked_time(time)
     _check_every(every)
-    expect_function(progress, "simulate: progress", "samples done, samples")
+    if progress is not None and not callable(progress):
+        raise InputError(f"progress = {progress!r:.60}: give a function of (samples done, samples), or None")
     names = list(simulated(system).inputs)
     kept = _kept(outputs, list(system.outputs))
     rows = [list(system.outputs).index(k) for k in kept]
@@ -76,7 +77,8 @@ def simulate(
         }
     z = z if rows == list(range(len(z))) else z[rows]
     result = _dataset(system, t, w, z, kept, final, every)
-    return result.assign_attrs({key: text for key, text in how.items() if text})
+    result.attrs.update({key: text for key, text in how.items() if text})
+    return result
 
 
 def _check_every(every: int) -> None:
