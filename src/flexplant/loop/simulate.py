@@ -9,7 +9,7 @@ import numpy.typing as npt
 import xarray as xr
 
 from flexplant.blocks.tones import Tones, tone_signal
-from flexplant.errors import InputError, expect_count, nearest
+from flexplant.errors import InputError, expect_count, expect_function, nearest
 from flexplant.loop.cascade import Cascade, Simulated, simulated
 from flexplant.loop.diagram import Diagram
 from flexplant.loop.loop_recursion import recursion_of
@@ -56,8 +56,7 @@ def simulate(
     """
     t, dt = checked_time(time)
     _check_every(every)
-    if progress is not None and not callable(progress):
-        raise InputError(f"progress = {progress!r:.60}: give a function of (samples done, samples), or None")
+    expect_function(progress, "simulate: progress", "samples done, samples")
     names = list(simulated(system).inputs)
     kept = _kept(outputs, list(system.outputs))
     rows = [list(system.outputs).index(k) for k in kept]
