@@ -79,7 +79,7 @@ def sierra_netcdf(folder: Path) -> Path:
 def extptfm(folder: Path) -> Path:
     one = Nodes(ids=[1], positions=np.zeros((1, 3)))
     return write_component(
-        Component(name="j", mass=np.eye(7), stiffness=np.eye(7), boundary=[(1, "123456")], nodes=one), folder / "j.extptfm"
+        Component(name="j", mass=np.eye(7), stiffness=np.eye(7), boundary=[(1, "123456")], nodes=one), folder / "j.extptfm", overwrite=True
     )
 
 
@@ -137,12 +137,12 @@ def openfast(folder: Path) -> Path:
 
 
 def mat_plant(folder: Path) -> Path:
-    return write_plant(PLANT, folder / "p.mat")
+    return write_plant(PLANT, folder / "p.mat", overwrite=True)
 
 
 SAMPLES: dict[str, tuple[Callable[[Path], Path], Callable[[Path], object]]] = {
     **{name: (lambda folder, make=make: make(folder, model()), read_model) for name, make in LAYOUTS.items()},
-    "nastran_dmig": (lambda folder: write_component(component(), folder / "p.pch"),
+    "nastran_dmig": (lambda folder: write_component(component(), folder / "p.pch", overwrite=True),
                      lambda p: read_component(p, format="nastran_dmig")),
     "nastran_op2": (nas2cam, lambda p: read_component(p, format="nastran_op2", superelement=101)),
     "sierra_netcdf": (sierra_netcdf, lambda p: read_component(p, format="sierra_netcdf")),
@@ -155,6 +155,8 @@ SAMPLES: dict[str, tuple[Callable[[Path], Path], Callable[[Path], object]]] = {
     "ansys_full packed": (lambda folder: ansys_full(folder, True), lambda p: read_model(p, format="ansys_full")),
     "mystran_sparse": (copied(*(f"mystran/panel{e}" for e in (".L1L", ".L1R", ".bdf"))),
                        lambda p: read_model(p, format="mystran_sparse")),
+    "mystran_output4": (copied(*(f"mystran/beam{e}" for e in (".OU1", ".bdf"))),
+                        lambda p: read_component(p, format="mystran_output4")),
     "nastran_op2 + cards": (as_op2, lambda p: read_component(p, format="nastran_op2")),
     "nastran_op2 DMIG": (op2_dmig, lambda p: read_component(p, format="nastran_op2")),
     "extptfm of OpenFAST": (openfast, lambda p: read_component(p, format="extptfm")),

@@ -18,6 +18,7 @@ from flexplant.io.formats import Format
 from flexplant.io.parse.bulk import Card, read_cards
 from flexplant.io.parse.coordinates import Geometry
 from flexplant.io.parse.files import provenance, read_bytes, sibling
+from flexplant.io.parse.mystran_deck import DECKS, check_sequence, deck_beside
 from flexplant.io.parse.names import name_from
 from flexplant.io.parse.superelement_dofs import GEOMETRY_CARDS
 from flexplant.io.parse.triplets import symmetric_matrix
@@ -28,7 +29,6 @@ from flexplant.model.dofs import DofSet
 TERM = np.dtype([("begin", "<i4"), ("row", "<i4"), ("column", "<i4"), ("value", "<f8"), ("end", "<i4")])
 HEAD = struct.Struct("<6i")  # [4, stamp, 4], [4, count, 4]
 TIED = ("RBE1", "RBE2", "RBE3", "RBAR", "RROD", "RSPLINE", "MPC", "MPCADD")
-DECKS = (".bdf", ".dat", ".nas")
 
 
 def sniff(head: bytes, path: Path) -> bool:
@@ -44,7 +44,7 @@ def read_model(path: Path, *, name: str | None = None, geometry: str | Path | No
     mass_file = sibling(path, ".L1R") or sibling(path, ".l1r")
     if mass_file is None:
         raise ReadError(path, "needs the .L1R file (MGG) with the same stem beside it")
-    deck = Path(geometry) if geometry is not None else next((d for e in DECKS if (d := sibling(path, e))), None)
+    deck = Path(geometry) if geometry is not None else deck_beside(path)
     if deck is None:
         raise ReadError(path, f"needs its deck ({', '.join(DECKS)}) beside it, or geometry=: the rows are only counted")
     cards = read_cards(deck)
@@ -72,9 +72,7 @@ def _check_deck(deck: Path, cards: list[Card]) -> None:
         raise ReadError(deck, f"has {', '.join(tied)}, which KGG leaves out; take KXX, MXX of SOL 31 (OUTPUT4) instead")
     if any(card.name == "SPOINT" for card in cards):
         raise ReadError(deck, "has SPOINT; the rows of scalar points are not read")
-    order = [card.text(1).upper() for card in cards if card.name == "PARAM" and card.text(0).upper() == "GRIDSEQ"]
-    if order[-1:] != ["GRID"]:
-        raise ReadError(deck, "has no PARAM,GRIDSEQ,GRID, so that the rows are in MYSTRAN's own sequence; add it and run again")
+    check_sequence(deck, cards)
 
 
 def _terms(path: Path, n: int) -> Any:

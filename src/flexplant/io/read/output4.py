@@ -7,6 +7,7 @@ from typing import Any
 
 from flexplant.io.formats import Format
 from flexplant.io.parse.files import sibling
+from flexplant.io.parse.mystran_deck import deck_beside, is_reduction
 from flexplant.io.parse.op4 import looks_like_op4, read_op4
 from flexplant.io.parse.plain_matrices import component_of, mesh_of, model_of
 from flexplant.io.parse.sidecar import find_sidecar, sidecar_path
@@ -15,8 +16,9 @@ from flexplant.model.display import DisplayMesh
 
 
 def sniff(head: bytes, path: Path) -> bool:
-    """An OUTPUT4 file with a sidecar, or at least without the files of a Nastran superelement beside it."""
-    alone = sibling(path, ".pch") is None and sibling(path, ".asm") is None
+    """An OUTPUT4 file with a sidecar, or at least without the files of a Nastran superelement or MYSTRAN run beside it."""
+    deck = deck_beside(path)
+    alone = sibling(path, ".pch") is None and sibling(path, ".asm") is None and not (deck is not None and is_reduction(deck))
     return looks_like_op4(head) and (sidecar_path(path) is not None or alone)
 
 
