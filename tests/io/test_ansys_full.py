@@ -52,6 +52,29 @@ def test_fixed_dof_are_left_out_and_named(tmp_path: Path) -> None:
     assert ("left out", "4 DOF fixed in the run, at nodes 4, 19") in inspect(path).rows
 
 
+LISTING = """ LIST ALL SELECTED NODES.   DSYS=      0
+
+    NODE        X             Y             Z           THXY     THYZ     THZX
+        4   1.0000        0.0000        0.0000          0.00     0.00     0.00
+        7   0.0000        2.0000        0.0000         90.00     0.00     0.00
+
+    NODE        X             Y             Z           THXY     THYZ     THZX
+       19   0.0000        0.0000       -0.10342E-01     0.00    90.00     0.00
+       20   0.0000        0.0000        3.0000         90.00    90.00     0.00
+"""
+
+
+def test_positions_and_axes_of_a_listing_of_nodes(tmp_path: Path) -> None:
+    """NLIST as Ansys prints it: x toward y about z first, then y toward z about the new x (rows are the axes)."""
+    (tmp_path / "nodes.lis").write_text(LISTING)
+    path = write_full(tmp_path / "job.full", given(), IDS, [1, 2, 3])
+    read = read_model(path, coordinates=tmp_path / "nodes.lis")
+    np.testing.assert_array_equal(read.nodes.position(19), [0, 0, -0.010342])
+    x, y, z = np.eye(3)
+    for node, axes in ((4, [x, y, z]), (7, [y, -x, z]), (19, [x, z, -y]), (20, [y, z, x])):
+        np.testing.assert_allclose(read.nodes.frame(node), axes, atol=1e-15)
+
+
 @pytest.mark.parametrize(("model_dof", "numbers", "directions"), [([1, 2, 6], None, [1, 2, 6]), ([1, 2, 6], [1, 2, 3], [1, 2, 6]),
                                                                   ([4, 5, 6], None, [4, 5, 6])])  # fmt: skip
 def test_dof_are_known_by_number_or_by_place(

@@ -9,7 +9,7 @@ import numpy as np
 from flexplant.errors import ReadError
 from flexplant.io.parse.matrix_market import looks_like_matrix_market, read_matrix_market
 from flexplant.io.parse.number_text import integers, number_table, read_lines
-from flexplant.model.arrays import Matrix
+from flexplant.model.arrays import FloatArray, Matrix
 from flexplant.model.dofs import DofSet
 from flexplant.model.geometry import Nodes
 
@@ -51,10 +51,23 @@ def read_equations(path: Path, lines: list[str], n: int) -> DofSet:
 
 
 def read_coordinates(path: Path) -> Nodes:
-    """Node ids and positions from lines "node x y z", tab or blank separated, with decimal points or commas."""
+    """Node ids, positions and displacement axes from lines "node x y z", or NLIST's "node x y z THXY THYZ THZX" (degrees).
+
+    Tab or blank separated, with decimal points or commas; other lines are headings.
+    """
     lines = read_lines(path)
     kept = [(i, line) for i, line in enumerate(lines, 1) if line.strip()[:1].isdigit()]
     first = kept[0][0] if kept else 1
     decimal = all("," in line and ("\t" in line or " " in line.strip()) for _, line in kept)
-    table = number_table(path, [line.replace(",", ".") if decimal else line for _, line in kept], 4, first)
-    return Nodes(ids=integers(path, table[:, 0], "node"), positions=table[:, 1:])
+    texts = [line.replace(",", ".") if decimal else line for _, line in kept]
+    width = 7 if texts and len(texts[0].replace(",", " ").split()) == 7 else 4
+    table = number_table(path, texts, width, first)
+    frames = _frames(table[:, 4:]) if table[:, 4:].any() else None
+    return Nodes(ids=integers(path, table[:, 0], "node"), positions=table[:, 1:4], frames=frames)
+
+
+def _frames(angles: FloatArray) -> FloatArray:
+    """Axes as rows: turned by THXY about nodal z, then by THYZ about the x so turned, then by THZX about that y (N command)."""
+    from scipy.spatial.transform import Rotation
+
+    return np.swapaxes(Rotation.from_euler("ZXY", angles, degrees=True).as_matrix(), 1, 2)

@@ -2,7 +2,8 @@
 
 DOF that are fixed in the run are left out, as Ansys' own *SMAT does; source["unused"] names their nodes. Unsymmetric, complex
 and distributed matrices, constraint equations, and matrices with scaled rows are refused with what to do instead. The file has
-no positions: coordinates= is a table "node x y z". Matrices are in the nodal coordinate systems.
+no positions: coordinates= is what NLIST prints, or "node x y z" a line. DOF are along the nodal coordinate systems, whose angles
+NLIST prints too.
 """
 
 from __future__ import annotations
@@ -27,7 +28,7 @@ def sniff(head: bytes, path: Path) -> bool:  # noqa: ARG001  every sniff functio
 
 
 def read_model(path: Path, *, name: str | None = None, coordinates: str | Path | None = None) -> FiniteElementModel:
-    """The model of the free DOF; coordinates: a table "node x y z" (NLIST or *VWRITE)."""
+    """The model of the free DOF; coordinates: NLIST's listing, or a table "node x y z"."""
     found = read_full(path)
     others = () if coordinates is None else (Path(coordinates),)
     source = provenance(path, FORMAT.name, __name__, others)
