@@ -14,6 +14,7 @@ from flexplant.errors import InputError, SolverError
 from flexplant.model.arrays import FloatArray, dense
 from flexplant.numerics.sweep import PencilSweep
 from flexplant.plant.state_space import Descriptor
+from flexplant.response.lasting import refuse_lasting
 
 ComplexArray: TypeAlias = npt.NDArray[np.complex128]
 SYMMETRIC = 1e-12  # asymmetry relative to the largest entry that is round-off
@@ -76,21 +77,30 @@ class DescriptorResponse:
         self._symmetric = None if self._second is None else _Symmetric(self._second)
 
     def __call__(self, hz: FloatArray) -> ComplexArray:
-        """InputError for a frequency at which the matrix is singular."""
-        system = self.system
-        out = np.empty((len(system.outputs), len(system.inputs), hz.size), dtype=complex)
-        for k, f in enumerate(hz):
-            out[:, :, k] = (self._one(float(f)) if system.n_states else 0.0) + system.D
+        """InputError for a frequency at which the matrix is singular, to round-off: an undamped pole."""
+        out, growth = self._grown(hz)
+        refuse_lasting(lambda near: self._grown(near)[0], hz, out, growth, f"descriptor {self.system.name!r}")
         return out
 
-    def _one(self, hz: float) -> Any:
+    def _grown(self, hz: FloatArray) -> tuple[ComplexArray, FloatArray]:
+        """The response, and how much larger each solution is than its right-hand side."""
+        system = self.system
+        out, growth = np.empty((len(system.outputs), len(system.inputs), hz.size), dtype=complex), np.zeros(hz.size)
+        for k, f in enumerate(hz):
+            through, growth[k] = self._one(float(f)) if system.n_states else (0.0, 0.0)
+            out[:, :, k] = through + system.D
+        return out, growth
+
+    def _one(self, hz: float) -> tuple[Any, float]:
         s = 2j * np.pi * hz
         # at 0 Hz a free structure is singular to round-off, which only pivoting with a free choice of rows tells well
-        z = None if self._symmetric is None or hz == 0 else self._symmetric.solved(s)
-        if z is None or self._second is None:
-            return self.system.C @ self._general.solved(s, hz)
+        solved = None if self._symmetric is None or hz == 0 else self._symmetric.solved(s)
+        if solved is None or self._second is None:
+            x, growth = self._general.solved(s, hz)
+            return self.system.C @ x, growth
         position, velocity, acceleration = self._second.outputs
-        return position @ z + s * (velocity @ z) + s**2 * (acceleration @ z)
+        z, growth = solved
+        return position @ z + s * (velocity @ z) + s**2 * (acceleration @ z), growth
 
 
 class _Symmetric:
@@ -113,8 +123,8 @@ class _Symmetric:
         multipliers = size.diagonal() == 0
         self._pencil = PencilSweep(*self._parts, sp.diags_array(np.where(multipliers, -SHIFT, 0.0), format="csr"))
 
-    def solved(self, s: complex) -> Any | None:
-        """z (n, nu), or None where refinement does not reach round-off."""
+    def solved(self, s: complex) -> tuple[Any, float] | None:
+        """z (n, nu) and how it has grown, or None where refinement does not reach round-off."""
         K, Z, M = self._parts
         try:
             factor = self._pencil.factor(1.0, s, s**2, 1.0)
@@ -124,8 +134,9 @@ class _Symmetric:
         for _ in range(REFINED):
             x = x + factor.solve(self._force - (K @ x + s * (Z @ x) + s**2 * (M @ x)))
         left = abs(self._force - (K @ x + s * (Z @ x) + s**2 * (M @ x))).max(axis=0)
-        size = float(np.dot(self._sizes, [1.0, abs(s), abs(s) ** 2])) * abs(x).max(axis=0) + abs(self._force).max(axis=0)
-        return self._scale[:, None] * x if (left <= BACKWARD * size).all() else None
+        given, matrix = abs(self._force).max(axis=0), float(np.dot(self._sizes, [1.0, abs(s), abs(s) ** 2]))
+        size = matrix * abs(x).max(axis=0) + given
+        return (self._scale[:, None] * x, _grown(size, given)) if (left <= BACKWARD * size).all() else None
 
 
 class _General:
@@ -135,8 +146,8 @@ class _General:
         self._system, self._B = system, dense(system.B).astype(complex)
         self._order: Any = None
 
-    def solved(self, s: complex, hz: float) -> Any:
-        """x (n, nu); InputError where the matrix is singular."""
+    def solved(self, s: complex, hz: float) -> tuple[Any, float]:
+        """x (n, nu) and how it has grown; InputError where the matrix is singular."""
         system = self._system
         pencil = sp.csr_array(s * system.E - system.A)
         r, c = _scaling(pencil)
@@ -151,7 +162,7 @@ class _General:
         b = r[:, None] * self._B
         x = solve(b)
         x += solve(b - scaled @ x)
-        return c[:, None] * x
+        return c[:, None] * x, _grown(abs(x).max(axis=0), abs(b).max(axis=0))
 
     def _factored(self, matrix: sp.csc_array) -> Any:
         """b -> x; the first call orders the columns."""
@@ -167,6 +178,11 @@ class _General:
             return x
 
         return solve
+
+
+def _grown(size: FloatArray, given: FloatArray) -> float:
+    """The largest ratio over the right-hand sides that are not zero."""
+    return float((size[given > 0] / given[given > 0]).max(initial=0.0))
 
 
 def _scaling(matrix: sp.csr_array) -> tuple[FloatArray, FloatArray]:
