@@ -8,9 +8,10 @@ import numpy as np
 from typer.testing import CliRunner
 
 from flexplant.cli import app
-from flexplant.io import read_component, read_model, write_component
-from flexplant.model.component import Component
+from flexplant.io import read_component, read_model, write_component, write_model, write_plant
+from flexplant.model.component import Component, FiniteElementModel
 from flexplant.model.geometry import Nodes
+from flexplant.plant.modal import ModalPlant
 
 
 def test_inspect_and_convert(tmp_path: Path) -> None:
@@ -54,3 +55,36 @@ def test_inspect_says_why_there_are_no_frequencies(tmp_path: Path) -> None:
     given = Component(name="m", mass=np.diag([1.0, 1.0, 0.0]), stiffness=np.zeros((3, 3)), boundary=[(5, "123")], nodes=nodes)
     shown = CliRunner().invoke(app, ["inspect", str(write_component(given, tmp_path / "m.npz"))])
     assert "none: a rigid-body motion of the model moves no mass" in shown.output
+
+
+def test_commands_replace_nothing_that_they_read_or_did_not_write(tmp_path: Path) -> None:
+    """reduce, convert, export and couple: refused before the work, the files as they were, --force for strangers only."""
+    nodes = Nodes(ids=[1, 2, 3], positions=np.array([[0.0, 0, 0], [1, 0, 0], [2, 0, 0]]))
+    dofs = [(n, d) for n in (1, 2, 3) for d in range(1, 7)]
+    stiffness = 1e4 * np.kron([[1, -1, 0], [-1, 2, -1], [0, -1, 1]], np.eye(6))
+    whole = FiniteElementModel(name="w", mass=np.eye(18), stiffness=stiffness, dofs=dofs, nodes=nodes)
+    model, stranger = write_model(whole, tmp_path / "w.npz"), tmp_path / "s.npz"
+    np.savez(stranger, a=1)
+    kept = {p: p.read_bytes() for p in (model, stranger)}
+    reduce = ["reduce", str(model), "--boundary", "1,3", "--modes", "2", "-o"]
+    for target, force in ((model, []), (model, ["--force"]), (stranger, [])):
+        told = CliRunner().invoke(app, [*reduce, str(target), *force])
+        assert (told.exit_code, target.name in told.output, "reduced" in told.output) == (2, True, False)
+    assert kept == {p: p.read_bytes() for p in kept}
+    assert CliRunner().invoke(app, [*reduce, str(stranger), "--force"]).exit_code == 0
+    assert CliRunner().invoke(app, [*reduce, str(stranger)]).exit_code == 0  # its own by now
+    part = read_component(stranger)
+    plant = ModalPlant(omega=[3.0], zeta=0.1, shape_in=[[1.0]], shape_out=[[1.0]], inputs=["u"], outputs=["y"])
+    source = write_plant(plant, tmp_path / "p.npz")
+    (tmp_path / "p.mat").write_bytes(b"measured")
+    commands = [
+        ["export", str(source), "--to", "m"],
+        ["couple", str(stranger), "-o", str(stranger), "--force"],
+        ["convert", str(stranger), str(source)],
+    ]
+    for command in commands:
+        assert CliRunner().invoke(app, command).exit_code == 2
+    assert (tmp_path / "p.mat").read_bytes() == b"measured"
+    assert (tmp_path / "p.m").exists() is False
+    assert CliRunner().invoke(app, [*commands[0], "--force"]).exit_code == 0
+    assert np.array_equal(read_component(stranger).stiffness, part.stiffness)

@@ -35,6 +35,7 @@ Reading = Annotated[
     typer.Option("--option", "-o", help="Option of the format read: superelement=101, part=2, mapping=a.txt."),
 ]
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="No progress display.")]
+Force = Annotated[bool, typer.Option("--force", help="Replace a file that something else wrote; never one that is read.")]
 Outside = Annotated[bool, typer.Option("--allow-outside", help="Let the study name files outside its folder.")]
 
 
@@ -208,12 +209,13 @@ def reduce(
     ] = None,
     geometry: Annotated[Path | None, typer.Option(help="Deck with the node positions that the model lacks.")] = None,
     name: Annotated[str | None, typer.Option(help="Name of the component; left out: that of the model's file.")] = None,
+    force: Force = False,
     format: Format = None,  # noqa: A002
     units: Units = None,
 ) -> None:
     """Reduce a model to a Hurty/Craig-Bampton component, check it and write it."""
     from flexplant.io import read_model, write_component
-    from flexplant.io.output import chosen_writer
+    from flexplant.io.output import check_target
     from flexplant.reduction import craig_bampton
     from flexplant.study.assemble import parse_boundary
     from flexplant.study.outputs import require_folder_of
@@ -221,14 +223,14 @@ def reduce(
     from flexplant.verification import check_component
 
     require_folder_of(output)
-    chosen_writer("write_component", output)
     options: dict[str, Any] = {} if geometry is None else {"geometry": geometry}
+    check_target("write_component", output, [model, *options.values()], overwrite=force)
     full = read_model(model, format=format, units=units, name=name, **options)
     how: dict[str, Any] = {"max_frequency_hz": max_frequency, "n_modes": modes, "residual_vectors": residual_vectors}
     component = craig_bampton(full, parse_boundary(boundary), **how, accuracy=accuracy, size=size)
     typer.echo(component_text(component, check_component(component)))
     typer.echo(f"\n{component.report}")
-    typer.echo(f"reduced {len(full.dofs)} DOF to {component.n}; wrote {write_component(component, output)}")
+    typer.echo(f"reduced {len(full.dofs)} DOF to {component.n}; wrote {write_component(component, output, overwrite=force)}")
 
 
 @app.command(epilog="Example: flexplant couple bus.op4 optic.op4 --connect bus:optic:3,11,19,27 -o system.npz")
@@ -246,16 +248,19 @@ def couple(
     format: Format = None,  # noqa: A002
     units: Units = None,
     output: Annotated[Path | None, typer.Option("--output", "-o", help="Write the coupled matrices to this .npz file.")] = None,
+    force: Force = False,
 ) -> None:
     """Couple components and print the free-free table."""
     from flexplant.assembly import couple as assemble
     from flexplant.io import read_component
     from flexplant.modes import normal_modes
     from flexplant.study.assemble import parse_connection, parse_ground
-    from flexplant.study.outputs import write_system
+    from flexplant.study.outputs import check_system_target, write_system
     from flexplant.study.tables import modes_table
     from flexplant.verification import verify
 
+    if output is not None:
+        check_system_target(output, files, overwrite=force)
     components = [read_component(file, format=format, units=units, name=file.stem) for file in files]
     connections = [parse_connection(text) for text in connect or []] + [parse_ground(text) for text in ground or []]
     system = assemble(components, connections, method=method)
@@ -263,7 +268,7 @@ def couple(
     report = verify(system, rigid_body_modes=rigid_body_modes, modes=modes)
     typer.echo(f"{report}\n\n{modes_table(modes)}")
     if output is not None:
-        typer.echo(f"\nwrote {write_system(system, output)}")
+        typer.echo(f"\nwrote {write_system(system, output, overwrite=force)}")
     report.raise_if_failed()
 
 
@@ -276,12 +281,13 @@ def export(
     dt: Annotated[float | None, typer.Option(help="Seconds: sample time of c, suggested communication step of fmu.")] = None,
     hold: Annotated[str | None, typer.Option(help="Inputs of c between samples: zero (held) or first (linear).")] = None,
     fmi: Annotated[int | None, typer.Option(help="FMI version of fmu: 2, or 3 with arrays.")] = None,
+    force: Force = False,
 ) -> None:
     """Write a plant for another program: C source (c), FMU, MATLAB or Octave (m, mat), Julia (jl), numpy (npz), HDF5 (h5)."""
     from flexplant.study.outputs import export_plant
 
     options = {key: value for key, value in (("dt", dt), ("hold", hold), ("version", fmi)) if value is not None}
-    typer.echo(f"wrote {export_plant(plant, to, output, **options)}")
+    typer.echo(f"wrote {export_plant(plant, to, output, overwrite=force, **options)}")
 
 
 @app.command("inspect", epilog="Example: flexplant inspect bus.op4 --units mm-kg-s")
@@ -309,13 +315,15 @@ def convert_file(
     dt: Annotated[float | None, typer.Option(help="Sample time in seconds, for C source.")] = None,
     openfast: Annotated[int | None, typer.Option(help="Major version of OpenFAST, for .extptfm (default 4).")] = None,
     option: Reading = None,
+    force: Force = False,
 ) -> None:
     """Put a component, model or plant into another format (docs/formats.md lists them)."""
     from flexplant.io import convert
 
     given: dict[str, Any] = {"dt": dt, "openfast": openfast}
     options = {name: value for name, value in given.items() if value is not None}
-    typer.echo(f"wrote {convert(source, target, format=format, units=units, read_options=_reading(option), **options)}")
+    reading: dict[str, Any] = {"format": format, "units": units, "read_options": _reading(option)}
+    typer.echo(f"wrote {convert(source, target, overwrite=force, **reading, **options)}")
 
 
 @app.command(epilog="Example: flexplant new study.yaml")

@@ -79,7 +79,9 @@ def sierra_netcdf(folder: Path) -> Path:
 def extptfm(folder: Path) -> Path:
     one = Nodes(ids=[1], positions=np.zeros((1, 3)))
     return write_component(
-        Component(name="j", mass=np.eye(7), stiffness=np.eye(7), boundary=[(1, "123456")], nodes=one), folder / "j.extptfm", overwrite=True
+        Component(name="j", mass=np.eye(7), stiffness=np.eye(7), boundary=[(1, "123456")], nodes=one),
+        folder / "j.extptfm",
+        overwrite=True,
     )
 
 

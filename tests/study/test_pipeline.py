@@ -224,3 +224,26 @@ def test_a_study_reduces_to_a_promise_or_a_budget(tmp_path, how):
     assert result.plant.inputs == ("body.3.3",)
     np.testing.assert_allclose(result.modes.frequency_hz[6 : 6 + expected.size], expected, rtol=1e-7)
     assert result.modes.frequency_hz.size < len(whole.dofs)
+
+
+@pytest.mark.parametrize("name", ["plant", "left"])
+def test_a_study_does_not_replace_what_it_reads(tmp_path, monkeypatch, name):
+    """Results in the study's own folder, where a component has the name of a result: told before the work."""
+    path = write_study(tmp_path, STUDY.replace("left.npz", f"{name}.npz") + f"export: [{{to: npz, name: {name}x}}]\n")
+    if name == "plant":
+        (tmp_path / "left.npz").rename(tmp_path / "plant.npz")
+    else:
+        path.write_text(path.read_text().replace("leftx", "left"))
+    before = files(tmp_path)
+    monkeypatch.setattr(pipeline, "read_components", None)
+    with pytest.raises(WriteError, match=rf"{name}\.npz is a file that this study reads"):
+        run_study(path, output=tmp_path)
+    assert files(tmp_path) == before
+
+
+def test_names_that_only_the_results_have_are_no_sources_either(tmp_path):
+    path = write_study(tmp_path, STUDY)
+    (tmp_path / "tables.txt").hardlink_to(tmp_path / "whole.npz")
+    with pytest.raises(WriteError, match=r"tables\.txt is a file"):
+        run_study(path, output=tmp_path)
+    assert (tmp_path / "tables.txt").read_bytes() == (tmp_path / "whole.npz").read_bytes()

@@ -27,12 +27,18 @@ class Format:
     readers: dict[str, Callable[..., Any]] = field(default_factory=dict)
 
 
+def _alone(_: Path) -> tuple[Path, ...]:
+    return ()
+
+
 @dataclass(frozen=True, kw_only=True)
 class Writer:
     """A writable format: write_component, write_model, write_plant, write_results, each (value, path) -> None.
 
     The path a writer gets is a temporary one; the registry puts the finished file in its place. Keyword-only parameters of
     a writer are options of the format, except `target`: the path where the file will be. tested_against: for the table.
+    beside: the files that a target brings with it. written_as: what a file says we wrote it as (`io.write.ownership`), None for
+    the general rule. apart: endings of files that, with the same stem, would take the target for a part of theirs.
     """
 
     name: str
@@ -40,3 +46,6 @@ class Writer:
     suffixes: tuple[str, ...]
     writers: dict[str, Callable[..., None]]
     tested_against: str = ""
+    beside: Callable[[Path], tuple[Path, ...]] = _alone
+    written_as: Callable[[Path], str] | None = None
+    apart: tuple[str, ...] = ()

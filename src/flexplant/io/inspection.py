@@ -49,23 +49,25 @@ def convert(
     units: Units | None = None,
     name: str | None = None,
     read_options: Mapping[str, Any] | None = None,
+    overwrite: bool = False,
     **write_options: Any,
 ) -> Path:
     """Read a component, model or plant and write it in the format of the target's ending; returns the target.
 
     format, units, name, read_options: for reading, the last of the format that is read, such as {"superelement": 101}.
-    write_options: of the written format, such as dt for C source.
-    Raises ReadError for what cannot be read, InputError where the target cannot hold it or is the file itself.
+    write_options: of the written format, such as dt for C source. overwrite: as for `write_component`.
+    Raises ReadError for what cannot be read, InputError where the target cannot hold it or is the file itself, WriteError
+    where a file would be replaced that belongs to the source or is somebody else's.
     """
     if as_path(target).resolve() == as_path(path).resolve():
         raise InputError(f"{path} is that file already; name another target")
     options = dict(read_options or {}) | ({} if name is None else {"name": name})
     value = read_any(path, format=format, units=units, **options)
     if isinstance(value, Component):
-        return write_component(value, target, **write_options)
+        return write_component(value, target, overwrite=overwrite, **write_options)
     if isinstance(value, Model):
-        return write_model(value, target, **write_options)
-    return write_plant(value, target, **write_options)
+        return write_model(value, target, overwrite=overwrite, **write_options)
+    return write_plant(value, target, overwrite=overwrite, sources=[path], **write_options)
 
 
 def read_any(

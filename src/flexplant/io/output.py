@@ -1,6 +1,7 @@
 """The writers users call. Every module of `flexplant.io.write` that defines `WRITER` is a format.
 
-All of them write to a temporary name in the same folder first, so that a file is either whole or as it was.
+All of them write to a temporary name in the same folder first, so that a file is either whole or as it was, and replace
+nothing but what they wrote themselves (`flexplant.io.write.ownership`).
 """
 
 from __future__ import annotations
@@ -8,6 +9,7 @@ from __future__ import annotations
 import importlib
 import inspect
 import pkgutil
+from collections.abc import Iterable
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -22,6 +24,8 @@ from flexplant.io.parse.mat5 import read_mat, read_mat_texts
 from flexplant.io.parse.npz import looks_like_npz, read_npz
 from flexplant.io.parse.own_plant import Plant, unpack_matlab, unpack_plant
 from flexplant.io.write.atomic import replacing
+from flexplant.io.write.ownership import check_replaced, files_of
+from flexplant.model.arrays import checked_switch
 from flexplant.model.component import Component, FiniteElementModel
 
 OWN = (".npz", ".h5", ".hdf5")
@@ -49,9 +53,23 @@ def plant_endings() -> list[str]:
     return sorted(suffix[1:] for w in writers().values() if "write_plant" in w.writers for suffix in w.suffixes)
 
 
-def _write(what: str, value: Any, path: str | Path, options: dict[str, Any]) -> Path:
+def check_target(what: str, path: str | Path, sources: Iterable[str | Path] = (), *, overwrite: bool = False) -> Writer:
+    """The format of a target that may be written: before a long computation, not after it.
+
+    Raises InputError for an ending that no format has; WriteError where a file of the sources would be replaced, or, unless
+    overwrite, a file that `what` (such as "write_component") did not write.
+    """
     path = as_path(path)
     chosen = chosen_writer(what, path)
+    check_replaced(chosen, what, path, sources, checked_switch(overwrite, "overwrite"))
+    return chosen
+
+
+def _write(
+    what: str, value: Any, path: str | Path, options: dict[str, Any], overwrite: bool, sources: Iterable[str | Path] = ()
+) -> Path:
+    path = as_path(path)
+    chosen = check_target(what, path, [*sources, *files_of(value)], overwrite=overwrite)
     writer = chosen.writers[what]
     check_options(writer, options, f"format {chosen.name!r}", hidden="target")
     own_path = {"target": path} if "target" in inspect.signature(writer).parameters else {}
@@ -60,17 +78,18 @@ def _write(what: str, value: Any, path: str | Path, options: dict[str, Any]) -> 
     return path
 
 
-def write_component(component: Component, path: str | Path, **options: Any) -> Path:
+def write_component(component: Component, path: str | Path, *, overwrite: bool = False, **options: Any) -> Path:
     """Write a component to `.npz` or `.h5` and return the path; `read_component` gives it back bit-equal.
 
     What its reduction reported and the error rows are kept; basis=True writes its basis too. Raises InputError for another
     ending, and for structural damping and interior DOF where the format has no place for them, WriteError naming the folder
-    that cannot be written.
+    that cannot be written. A file that stands there is replaced only where it is what this wrote before, or with
+    overwrite=True; a file that the component was read from never (WriteError). That holds for all files of a target.
     """
     expect(component, Component, "write_component", "read_component gives one, craig_bampton reduces a model to one")
     chosen_writer("write_component", as_path(path))  # an ending that no format has is the first thing to say
     _refuse_loss(component, as_path(path))
-    return _write("write_component", component, path, options)
+    return _write("write_component", component, path, options, overwrite)
 
 
 def _refuse_loss(component: Component, path: Path) -> None:
@@ -89,23 +108,26 @@ def _refuse_loss(component: Component, path: Path) -> None:
         )
 
 
-def write_model(model: FiniteElementModel, path: str | Path, **options: Any) -> Path:
+def write_model(model: FiniteElementModel, path: str | Path, *, overwrite: bool = False, **options: Any) -> Path:
     """Write a finite-element model to `.npz` or `.h5` and return the path; errors as `write_component`."""
     expect(model, FiniteElementModel, "write_model", "read_model gives one from a file")
-    return _write("write_model", model, path, options)
+    return _write("write_model", model, path, options, overwrite)
 
 
-def write_plant(plant: Plant, path: str | Path, **options: Any) -> Path:
+def write_plant(
+    plant: Plant, path: str | Path, *, overwrite: bool = False, sources: Iterable[str | Path] = (), **options: Any
+) -> Path:
     """Write a plant: `.npz`, `.h5` (`read_plant` gives it back bit-equal), `.mat`, `.m`, `.jl`, `.c`, `.fmu`.
 
-    options: of the format, for example dt= of `.c`, version= of `.fmu`; see its module. Errors as `write_component`.
+    options: of the format, for example dt= of `.c`, version= of `.fmu`; see its module. sources: files that are never to be
+    replaced, as the one the plant was read from. Errors as `write_component`.
     """
-    return _write("write_plant", plant, path, options)
+    return _write("write_plant", plant, path, options, overwrite, sources)
 
 
-def write_results(results: Any, path: str | Path) -> Path:
+def write_results(results: Any, path: str | Path, *, overwrite: bool = False) -> Path:
     """Write an xarray Dataset or DataArray to NetCDF-4 (`.nc`); complex `x` becomes `x__real`, `x__imag`."""
-    return _write("write_results", results, path, {})
+    return _write("write_results", results, path, {}, overwrite)
 
 
 def read_plant(path: str | Path) -> Plant:

@@ -42,6 +42,15 @@ def _read(name: str, spec: ComponentSpec, study: StudySpec, folder: Path) -> Com
     )
 
 
+def files_read(study: StudySpec, path: Path) -> list[Path]:
+    """The study file and every file that it names."""
+    reference, truth = study.verification.reference, study.truth
+    specs = [*study.components.values(), *(() if truth is None else truth.components.values())]
+    named = [file for spec in specs for file in (spec.file, spec.geometry)]
+    named += [reference.file if reference else None, truth.file if truth else None]
+    return [path, *(path.parent / file for file in named if file is not None)]
+
+
 def file_units(spec: ComponentSpec) -> Any:
     """The units of a component's file as the readers take them."""
     return (spec.units.length_m, spec.units.mass_kg) if isinstance(spec.units, UnitsSpec) else spec.units

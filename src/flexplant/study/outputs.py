@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import shutil
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -15,8 +15,10 @@ import scipy.sparse as sp
 from flexplant.assembly import System
 from flexplant.errors import InputError, WriteError, nearest
 from flexplant.io import read_plant, write_plant
-from flexplant.io.output import plant_endings
+from flexplant.io.output import check_target, plant_endings, writers
+from flexplant.io.parse.own import HEADER, header_text
 from flexplant.io.write.atomic import replacing
+from flexplant.io.write.ownership import check_replaced, files_of
 
 
 @contextmanager
@@ -49,6 +51,14 @@ def _publish(file: Path, target: Path) -> None:
         raise WriteError(f"cannot write {target} ({error.strerror})") from None
 
 
+def refuse_sources(names: Iterable[str], folder: str | Path, sources: Iterable[str | Path]) -> None:
+    """Raise WriteError where one of the files to be written in the folder is one that the study reads."""
+    read = [Path(source) for source in sources]
+    for target in (Path(folder) / name for name in names):
+        if target.is_file() and any(source.is_file() and source.samefile(target) for source in read):
+            raise WriteError(f"{target} is a file that this study reads, and would be replaced; choose another folder with -o")
+
+
 def require_folder_of(path: Path) -> None:
     """Raise WriteError where the file's folder does not exist: before a long computation, not after it."""
     if not path.parent.is_dir():
@@ -65,13 +75,24 @@ def write_new(path: str | Path, text: str) -> Path:
     return path
 
 
-def write_system(system: System, path: str | Path) -> Path:
+def check_system_target(path: Path, sources: Iterable[str | Path] = (), *, overwrite: bool = False) -> None:
+    """Raise InputError for another ending than .npz, WriteError where this would replace a source or somebody else's file."""
+    if path.suffix != ".npz":
+        raise InputError(f"coupled matrices are written as .npz, got {path.name!r}")
+    check_replaced(writers()["flexplant_npz"], "write_system", path, sources, overwrite)
+
+
+def write_system(system: System, path: str | Path, *, overwrite: bool = False) -> Path:
     """Coupled mass, damping, stiffness and, where there is some, structural damping as triplets (row, column, value from 0),
     constraint rows and names, in one .npz."""
     path = Path(path)
-    if path.suffix != ".npz":
-        raise InputError(f"coupled matrices are written as .npz, got {path.name!r}")
-    arrays: dict[str, Any] = {"method": system.method, "labels": system.labels, "constraints": list(system.constraint_labels)}
+    check_system_target(path, [file for c in system.components for file in files_of(c)], overwrite=overwrite)
+    arrays: dict[str, Any] = {
+        HEADER: header_text("system"),
+        "method": system.method,
+        "labels": system.labels,
+        "constraints": list(system.constraint_labels),
+    }
     structural = () if system.structural_damping is None else ("structural_damping",)
     for name in ("mass", "damping", "stiffness", *structural):
         matrix = sp.coo_array(getattr(system, name))
@@ -82,10 +103,11 @@ def write_system(system: System, path: str | Path) -> Path:
     return path
 
 
-def export_plant(plant: Path, to: str, output: Path | None, **options: Any) -> Path:
+def export_plant(plant: Path, to: str, output: Path | None, *, overwrite: bool = False, **options: Any) -> Path:
     """Read a plant file and write it in the format with the ending `to`; options: of that format (`write_plant`).
 
-    Raises InputError for an unknown format or option, WriteError before reading where the folder does not exist.
+    Raises InputError for an unknown format or option, WriteError before reading where the folder does not exist, or where a
+    file would be replaced that is the plant itself or, unless overwrite, somebody else's.
     """
     formats = plant_endings()
     if to not in formats:
@@ -96,4 +118,5 @@ def export_plant(plant: Path, to: str, output: Path | None, **options: Any) -> P
     if target.resolve() == plant.resolve():
         raise InputError(f"{plant} is that file already; name another with -o")
     require_folder_of(target)
-    return write_plant(read_plant(plant), target, **options)
+    check_target("write_plant", target, [plant], overwrite=overwrite)
+    return write_plant(read_plant(plant), target, overwrite=overwrite, sources=[plant], **options)

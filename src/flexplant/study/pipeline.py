@@ -10,15 +10,16 @@ from pathlib import Path
 
 from flexplant.errors import expect_function
 from flexplant.io.parse.files import as_path
+from flexplant.io.write.ownership import files_of
 from flexplant.model.arrays import checked_switch
 from flexplant.modes import normal_modes
 from flexplant.response.frequency import frequency_response
-from flexplant.study.assemble import assemble, read_components
+from flexplant.study.assemble import assemble, files_read, read_components
 from flexplant.study.display import structure_view
 from flexplant.study.grid import frequency_grid
 from flexplant.study.line_of_sight import line_of_sight
 from flexplant.study.load import load_study
-from flexplant.study.outputs import output_folder
+from flexplant.study.outputs import output_folder, refuse_sources
 from flexplant.study.plant import build_plant
 from flexplant.study.provenance import provenance
 from flexplant.study.result import StudyResult
@@ -26,7 +27,7 @@ from flexplant.study.schema import StudySpec
 from flexplant.study.summary import study_tables, summary
 from flexplant.study.truth import compare_with_truth
 from flexplant.study.verification import check_system
-from flexplant.study.write import write_files
+from flexplant.study.write import first_names, write_files
 from flexplant.verification import check_component
 
 Progress = Callable[[str, float], None]
@@ -45,12 +46,16 @@ def run_study(
     expect_function(progress, "run_study: progress", "step, share")
     path, output = as_path(path), None if output is None else as_path(output)
     study, steps = load_study(path, allow_outside=allow_outside), _Steps(progress)
+    if output is not None:
+        refuse_sources(first_names(study), output, files_read(study, path))
     with output_folder(output) if output is not None else nullcontext() as work:
         result = _result(study, path, steps)
         if work is None or output is None:
             return result
         steps("writing the results", 0.9)
         names = write_files(result, structure_view(study, path.parent, result.system, result.modes), work)
+        beside = [file for c in result.system.components for file in files_of(c)]
+        refuse_sources([file.name for file in work.iterdir()], output, [*files_read(study, path), *beside])
     steps("done", 1.0)
     return replace(result, files={name: Path(output) / file for name, file in names.items()})
 

@@ -13,13 +13,21 @@ from flexplant.io import write_plant, write_results
 from flexplant.report import StructureView, render
 from flexplant.study.reporting import report
 from flexplant.study.result import LineOfSightResult, StudyResult, TruthResult
+from flexplant.study.schema import StudySpec
 from flexplant.study.schema_outputs import ExportSpec
 from flexplant.verification import Table
+
+NAMES = {"report": "report.html", "plant": "plant.npz", "plant for MATLAB": "plant.mat", "results": "results.nc"}
+
+
+def first_names(study: StudySpec) -> list[str]:
+    """The files of a study that are known before it has run."""
+    return [*NAMES.values(), *(f"{wanted.name}.{wanted.to}" for wanted in study.export)]
 
 
 def write_files(result: StudyResult, view: StructureView | None, folder: Path) -> dict[str, str]:
     """Write everything into `folder`; file names by kind."""
-    names = {"report": "report.html", "plant": "plant.npz", "plant for MATLAB": "plant.mat", "results": "results.nc"}
+    names = dict(NAMES)
     write_plant(result.plant, folder / names["plant"])
     write_plant(result.plant, folder / names["plant for MATLAB"])
     for wanted in result.study.export:
@@ -36,7 +44,7 @@ def write_files(result: StudyResult, view: StructureView | None, folder: Path) -
 
 
 def _export(result: StudyResult, wanted: ExportSpec, folder: Path) -> str:
-    given = {"dt": wanted.dt_s, "hold": wanted.hold, "version": wanted.fmi}
+    given: dict[str, Any] = {"dt": wanted.dt_s, "hold": wanted.hold, "version": wanted.fmi}
     options = {key: value for key, value in given.items() if value is not None}
     return write_plant(result.plant, folder / f"{wanted.name}.{wanted.to}", **options).name
 

@@ -65,6 +65,18 @@ def header_of(path: Path, key: str) -> str | None:
         return None
 
 
+def attribute_of(path: Path, key: str) -> str:
+    """The text of an attribute of the file, "" if there is none."""
+    import h5py
+
+    try:
+        with h5py.File(path, "r") as file:
+            value = file.attrs.get(key, "")
+            return value.decode("utf-8") if isinstance(value, bytes) else str(value)
+    except BROKEN:
+        return ""
+
+
 def dataset_names(path: Path) -> set[str]:
     """The names in the root group; empty for a file that cannot be opened."""
     import h5py

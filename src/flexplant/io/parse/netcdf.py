@@ -14,6 +14,7 @@ import xarray as xr
 
 from flexplant.errors import InputError, ReadError
 from flexplant.io.parse.files import checked_file, one_line
+from flexplant.io.parse.names import WRITTEN_BY
 
 REAL, IMAGINARY, JSON_LIST = "__real", "__imag", "flexplant_json"
 
@@ -54,6 +55,8 @@ def _listed(value: Any) -> Any:
 def restored(stored: xr.Dataset) -> xr.Dataset:
     """The data set as it was before `storable` (tuples have become lists)."""
     out = stored
+    if str(out.attrs.get(WRITTEN_BY, "")).startswith("written by flexplant"):
+        out.attrs.pop(WRITTEN_BY)
     for item in _attributed(out):
         rich = str(item.attrs.pop(JSON_LIST, "")).split()
         item.attrs = {k: json.loads(v) if k in rich else v for k, v in item.attrs.items()}

@@ -21,6 +21,7 @@ def row_dofs(op4: Path, cards: list[Card]) -> tuple[DofSet, Any]:
     if listed:
         pairs = [pair for card in listed for pair in card_pairs(card)]
     else:
+        _refuse_dmig(op4, cards)
         single = {p for c in cards if c.name in ("ASET", "BSET") for p in card_pairs(c)}
         pairs = sorted(single | listed_pairs(cards, "ASET1", "BSET1"))
         pairs = pairs or _from_seconct(cards)
@@ -29,6 +30,16 @@ def row_dofs(op4: Path, cards: list[Card]) -> tuple[DofSet, Any]:
     held = {p for c in cards if c.name == "QSET" for p in card_pairs(c)} | listed_pairs(cards, "QSET1")
     dofs = DofSet.of(pairs)
     return dofs, np.array([d == 0 or (n, d) in held for n, d in dofs.pairs], dtype=bool)
+
+
+def _refuse_dmig(op4: Path, cards: list[Card]) -> None:
+    """Entries of a superelement of its own, whose ASET has another order, say nothing about the rows of these matrices."""
+    if any(c.name == "DMIG" for c in cards):
+        raise ReadError(
+            op4,
+            "the .pch beside it holds matrices of its own (DMIG) and no EXTRN entry, so nothing says which DOF the rows are; put "
+            "the .pch that was written with it there, or read the .pch itself with format='nastran_dmig'",
+        )
 
 
 def card_pairs(card: Card) -> list[tuple[int, int]]:

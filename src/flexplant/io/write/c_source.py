@@ -136,5 +136,6 @@ WRITER = Writer(
     description="C99 source and header, no dependency",
     suffixes=(".c",),
     tested_against="gcc 12, clang 14: -std=c99 -Wall -Wextra -Wpedantic -Wconversion -Werror",
+    beside=lambda target: (target.with_suffix(".h"),),
     writers={"write_plant": write_plant},
 )

@@ -1,7 +1,7 @@
 """Texts of the C source of a plant; $names are filled in by `c_source`."""
 
 HEADER = """\
-/* $title: plant sampled every $dt s, $hold. Written by flexplant.
+/* $title: plant sampled every $dt s, $hold. Written by flexplant as c_source.
    $how.
 
    ${p}_state s;                          all memory there is, no heap
@@ -53,7 +53,7 @@ void ${p}_step(${p}_state *state, const ${p}_real *u, ${p}_real *y);
 """
 
 COMMON = """\
-/* $title. Written by flexplant; see $header_name. */
+/* $title. Written by flexplant as c_source; see $header_name. */
 #include "$header_name"
 
 const char *const ${p}_input_names[${P}_INPUTS] = {

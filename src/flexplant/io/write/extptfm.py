@@ -15,9 +15,11 @@ import numpy as np
 from flexplant.errors import InputError, expect_count
 from flexplant.io.formats import Writer
 from flexplant.io.write.c_text import comment
+from flexplant.io.write.ownership import mark
 from flexplant.model.arrays import FloatArray, dense
 from flexplant.model.component import Component
 
+NAME = "extptfm"
 DIRECTIONS = [1, 2, 3, 4, 5, 6]
 MOST_DOF = 1350  # OpenFAST reads a line of loads into 4096 characters
 
@@ -31,7 +33,7 @@ def write_component(component: Component, path: Path, *, openfast: int = 4, dura
     n = _checked_size(component)
     damping = np.zeros((n, n)) if component.damping is None else dense(component.damping)
     matrices = {"Mass": dense(component.mass), "Stiffness": dense(component.stiffness), "Damping": damping}
-    header = ["!Comment", f"!Comment Flex 5 Format: {comment(component.name)}, written by flexplant, SI", f"!Dimension: {n}"]
+    header = ["!Comment", f"!Comment Flex 5 Format: {comment(component.name)}, {mark(NAME)}, SI", f"!Dimension: {n}"]
     body = _version_4(matrices, n, duration) if openfast < 5 else _version_5(matrices, n)
     path.write_text("\n".join(header + body) + "\n", encoding="ascii", errors="replace")
 
@@ -68,7 +70,7 @@ def _rows(matrix: FloatArray) -> list[str]:
 
 
 WRITER = Writer(
-    name="extptfm",
+    name=NAME,
     description="OpenFAST ExtPtfm superelement text",
     suffixes=(".extptfm",),
     tested_against="openfast_io 5.0 (OpenFAST 5), weio 2.0 and the reading rules of OpenFAST 2.3 (OpenFAST 4)",

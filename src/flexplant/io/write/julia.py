@@ -13,12 +13,14 @@ import numpy as np
 from flexplant.io.formats import Writer
 from flexplant.io.parse.own_plant import Plant
 from flexplant.io.write.c_text import comment, identifier
+from flexplant.io.write.ownership import mark
 from flexplant.model.arrays import dense
 from flexplant.plant.modal import ModalPlant
 from flexplant.plant.state_space import Descriptor, output_rows
 
+NAME = "julia"
 HEAD = """\
-# {title}. Written by flexplant.
+# {title}. {mark}.
 #   using ControlSystemsBase; include("{file}"); sys = {name}_system(); bodeplot(sys)
 #   {name}_inputs, {name}_outputs: names of the channels, in the order of the columns and rows.
 """
@@ -27,7 +29,7 @@ HEAD = """\
 def write_plant(plant: Plant, path: Path, *, target: Path) -> None:
     """The file: arrays, names, and a function that builds `ss` (or `dss` of DescriptorSystems.jl)."""
     name = identifier(target.stem)
-    lines = [HEAD.format(title=comment(plant.name), file=target.name, name=name)]
+    lines = [HEAD.format(mark=mark(NAME), title=comment(plant.name), file=target.name, name=name)]
     lines += [f"const {name}_{kind} = [{', '.join(map(_string, getattr(plant, kind)))}]" for kind in ("inputs", "outputs")]
     arrays, body = _modal(plant) if isinstance(plant, ModalPlant) else _first_order(plant)
     lines += [f"const {name}_{key} = {_matrix(value)}" for key, value in arrays.items()]
@@ -70,7 +72,7 @@ def _matrix(values: Any) -> str:
 
 
 WRITER = Writer(
-    name="julia",
+    name=NAME,
     description="Julia file for ControlSystems.jl",
     suffixes=(".jl",),
     tested_against="the parser of Julia 1.13, the Julia grammar of tree-sitter; Octave for its arithmetic",

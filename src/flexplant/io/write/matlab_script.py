@@ -12,11 +12,14 @@ from flexplant.io.formats import Writer
 from flexplant.io.parse.own_plant import Plant
 from flexplant.io.write.atomic import replacing
 from flexplant.io.write.c_text import comment, identifier
+from flexplant.io.write.mat import NAME as DATA
 from flexplant.io.write.mat import write_plant as write_mat
+from flexplant.io.write.ownership import mark, written_as
 
+NAME = "matlab_script"
 SCRIPT = """\
 function [sys, p] = {name}(form)
-% {title}. Written by flexplant; the numbers are in {name}.mat, which belongs beside this file.
+% {title}. {mark}; the numbers are in {name}.mat, which belongs beside this file.
 % sys = {name}()          ss; dss where the plant is a descriptor; channels by name
 % sys = {name}("mechss")  second-order model of a modal plant (MATLAB R2020b or later)
 % [sys, p] = {name}()     p: the matrices themselves
@@ -43,15 +46,27 @@ end
 def write_plant(plant: Plant, path: Path, *, target: Path) -> None:
     """The function at `path`, its data beside `target`; the file's stem must be a MATLAB name, else it is made one."""
     name = identifier(target.stem)
-    with replacing(target.with_name(f"{name}.mat")) as work:
+    with replacing(_data(target)) as work:
         write_mat(plant, work)
-    path.write_text(SCRIPT.format(name=name, title=comment(plant.name)), encoding="utf-8")
+    path.write_text(SCRIPT.format(name=name, title=comment(plant.name), mark=mark(NAME)), encoding="utf-8")
+
+
+def _data(target: Path) -> Path:
+    return target.with_name(f"{identifier(target.stem)}.mat")
+
+
+def _written_as(path: Path) -> str:
+    """As `written_as`: the script loads any plant of ours, so a plant that stands there as `.mat` is the script's as well."""
+    found = written_as(path)
+    return NAME if found == DATA else found
 
 
 WRITER = Writer(
-    name="matlab_script",
+    name=NAME,
     description="MATLAB/Octave function that returns ss, dss or mechss with names, and its .mat",
     suffixes=(".m",),
     tested_against="Octave 7 with control",
+    beside=lambda target: (_data(target),),
+    written_as=_written_as,
     writers={"write_plant": write_plant},
 )

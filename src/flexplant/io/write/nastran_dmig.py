@@ -12,9 +12,11 @@ import numpy as np
 
 from flexplant.io.formats import Writer
 from flexplant.io.write.nastran_text import geometry_text, grouped, large, modal_points, pairs_text
+from flexplant.io.write.ownership import mark
 from flexplant.model.arrays import Matrix, dense
 from flexplant.model.component import Component
 
+NAME = "nastran_dmig"
 LETTERS = (("stiffness", "K"), ("mass", "M"), ("damping", "B"))
 
 
@@ -22,7 +24,7 @@ def write_component(component: Component, path: Path, *, suffix: str = "AAX") ->
     """The entries; suffix: of the matrices' names (KAAX, MAAX). Raises InputError for a component without node positions."""
     points = modal_points(component)
     rows = [*component.boundary.pairs, *((point, 0) for point in points)]
-    texts = [f"$ {component.name}\n", geometry_text(component.nodes, component.boundary, points)]
+    texts = [f"$ {component.name}\n$ {mark(NAME)}\n", geometry_text(component.nodes, component.boundary, points)]
     texts.append(pairs_text("ASET", [*grouped(component.boundary), *((point, "0") for point in points)]))
     for kind, letter in LETTERS:
         if (matrix := getattr(component, kind)) is not None:
@@ -45,9 +47,10 @@ def dmig_text(name: str, matrix: Matrix, rows: list[tuple[int, int]]) -> str:
 
 
 WRITER = Writer(
-    name="nastran_dmig",
+    name=NAME,
     description="Nastran DMIG entries with GRID, SPOINT and ASET: .pch",
     suffixes=(".pch",),
     tested_against="pyYeti, pyNastran 1.4",
+    apart=(".op4",),
     writers={"write_component": write_component},
 )

@@ -13,11 +13,14 @@ from pathlib import Path
 import numpy as np
 
 from flexplant.io.formats import Writer
+from flexplant.io.parse.files import read_head, sha256
 from flexplant.io.write.atomic import replacing
 from flexplant.io.write.nastran_text import geometry_text, grouped, modal_points, pairs_text
+from flexplant.io.write.ownership import mark, written_as
 from flexplant.model.arrays import Matrix, dense
 from flexplant.model.component import Component
 
+NAME = "nastran_op4"
 SQUARE, RECTANGULAR, SYMMETRIC, REAL_DOUBLE = 1, 2, 6, 2
 MATRICES = (("stiffness", "KXX"), ("mass", "MXX"), ("damping", "BXX"))
 
@@ -39,9 +42,28 @@ def write_component(component: Component, path: Path, *, target: Path, superelem
         for recovery in component.recovery.values():
             if recovery.displacement is not None and recovery.name.upper().startswith("M") and len(recovery.name) <= 8:
                 stream.write(op4_matrix(recovery.name.upper(), recovery.displacement, RECTANGULAR))
-    for ending, text in ((".asm", seconct + geometry + userin), (".pch", pairs_text("EXTRN", listed) + geometry)):
-        with replacing(target.with_suffix(ending)) as work:
-            work.write_text(f"$ {component.name}\n{text}", encoding="utf-8")
+    head = f"$ {component.name}\n$ {_mark(path)}\n"
+    for file, text in zip(beside(target), (seconct + geometry + userin, pairs_text("EXTRN", listed) + geometry), strict=True):
+        with replacing(file) as work:
+            work.write_text(head + text, encoding="utf-8")
+
+
+def beside(target: Path) -> tuple[Path, ...]:
+    """The `.asm` and the `.pch`."""
+    return target.with_suffix(".asm"), target.with_suffix(".pch")
+
+
+def _mark(op4: Path) -> str:
+    """The `.op4` itself has no place for a word, so the files beside it say whose it is, and which."""
+    return f"{mark(NAME)}, sha256 {sha256(op4)[:16]}"
+
+
+def op4_written_as(path: Path) -> str:
+    """As `written_as`; of a `.op4`, what the `.pch` beside it says, where it means these very bytes."""
+    if path.suffix.lower() != ".op4":
+        return written_as(path)
+    pch = path.with_suffix(".pch")
+    return NAME if pch.is_file() and _mark(path).encode() in read_head(pch) else ""
 
 
 def op4_matrix(name: str, matrix: Matrix, form: int) -> bytes:
@@ -82,9 +104,11 @@ def _userin(superelement: int, listed: list[tuple[int, str]], points: list[int],
 
 
 WRITER = Writer(
-    name="nastran_op4",
+    name=NAME,
     description="Nastran external superelement: .op4 with .asm and .pch",
     suffixes=(".op4",),
     tested_against="pyYeti, MYSTRAN 18.0",
+    beside=beside,
+    written_as=op4_written_as,
     writers={"write_component": write_component},
 )

@@ -15,10 +15,12 @@ import scipy.linalg
 from flexplant.errors import InputError
 from flexplant.io.formats import Writer
 from flexplant.io.write.c_text import comment
+from flexplant.io.write.ownership import mark
 from flexplant.model.arrays import FloatArray, dense
 from flexplant.model.component import Component
 from flexplant.model.dofs import DofSet
 
+NAME = "simscape"
 SIX = [1, 2, 3, 4, 5, 6]
 
 
@@ -34,7 +36,7 @@ def write_component(component: Component, path: Path) -> None:
         raise InputError(f"component {component.name!r}: every boundary node needs DOF 1 to 6, in that order, for Simscape")
     turn = [scipy.linalg.block_diag(nodes.frame(n), nodes.frame(n)) for n in component.boundary.nodes]
     T = scipy.linalg.block_diag(*turn, np.eye(component.n_modal))  # u_own axes = T u_basic
-    lines = [f"% {comment(component.name)}: data for Reduced Order Flexible Solid (Simscape Multibody), written by flexplant."]
+    lines = [f"% {comment(component.name)}: data for Reduced Order Flexible Solid (Simscape Multibody), {mark(NAME)}."]
     lines += ["% Interface frames in this order: " + ", ".join(f"node {n}" for n in component.boundary.nodes)]
     lines += [f"% Units: {comment(component.units)}"]
     origins = np.array([nodes.position(n) for n in component.boundary.nodes])
@@ -56,7 +58,7 @@ def matlab(matrix: FloatArray) -> str:
 
 
 WRITER = Writer(
-    name="simscape",
+    name=NAME,
     description="MATLAB script with the matrices of Simscape's Reduced Order Flexible Solid",
     suffixes=(".m",),
     tested_against="Octave",
