@@ -20,7 +20,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib.metadata import version
 from typing import Any
 from unittest import mock
@@ -31,13 +31,16 @@ import numpy as np
 from pyyeti import ode
 from threadpoolctl import threadpool_limits
 
+from flexplant.blocks.basic import summing_junction
 from flexplant.blocks.sampled import SampledBlock, saturation, user_block
 from flexplant.blocks.transfer_function import transfer_function
 from flexplant.blocks.wheel import Wheel, harmonic_amplitudes
+from flexplant.loop.cascade import cascade_of
 from flexplant.loop.close import close
 from flexplant.loop.diagram import Diagram
 from flexplant.loop.harmonic import wheel_speed_sweep
 from flexplant.loop.line_of_sight import LineOfSight, line_of_sight_diagram
+from flexplant.loop.recursion import Recursion, march
 from flexplant.loop.simulate import simulate
 from flexplant.plant.discretize import discretize
 from flexplant.plant.modal import ModalPlant
@@ -217,7 +220,57 @@ def time_rows() -> list[Row]:
         "same, closed loop with a 4-state mirror", "ours without the loop", 1 / 1.5, lambda: simulate(loop, t, u), opened
     )
     rate = Row("steps per second, closed loop (millions)", "-", 4.0, closed.ours, None, units=1e-6 * nt, unit="M/s")
-    return [*rows, closed, rate, *sampled_rows(p, t, u)]
+    ten = np.arange(10 * nt) * DT, np.tile(u, 10)
+    long = Row("same, 1,000,000 steps in a run", "-", 4.0, lambda: simulate(loop, *ten), None, units=1e-5 * nt, unit="M/s")
+    return [*rows, closed, rate, long, *feedback_rows(p, t, u), *sampled_rows(p, t, u)]
+
+
+def damped(p: ModalPlant) -> Diagram:
+    """Two dampers on the structure, each with a filter and a spring: they feed back into the plant."""
+    laws = {f"law{k}": transfer_function([-30.0, -1000.0], [1e-3, 1.0]) for k in range(2)}
+    sums = {f"sum{k}": summing_junction("++", output_name="f") for k in range(2)}
+    wires = [(f"plant.y{k}", f"law{k}.u") for k in range(2)] + [(f"law{k}.y", f"sum{k}.in2") for k in range(2)]
+    return Diagram(
+        blocks={"plant": replace(p, shape_out=np.vstack([p.shape_in[:, :2].T, p.shape_out[2:]])), **laws, **sums},
+        connections=[*wires, *((f"sum{k}.f", f"plant.u{k}") for k in range(2))],
+        inputs={f"u{k}": f"sum{k}.in1" if k < 2 else f"plant.u{k}" for k in range(6)},
+        outputs={f"y{k}": f"plant.y{k}" for k in range(6)},
+    )
+
+
+def feedback_rows(p: ModalPlant, t: np.ndarray, u: np.ndarray) -> list[Row]:
+    """A loop that feeds back into the plant: in its own modes, and what they cost once."""
+    loop, short, some = damped(p), 3_000, 30_000
+    whole, cascade, nt = close(loop), cascade_of(loop), t.size
+    system = control.ss(whole.A, whole.B, whole.C, whole.D)
+
+    def ours() -> Any:
+        return simulate(loop, t, u)
+
+    def dense() -> Any:
+        return march(Recursion(cascade, DT, np.zeros(cascade.n_states), "first"), u[:, :some], some, (6, 6))
+
+    def error() -> float:
+        steps, x, y = discretize(whole, DT, hold="zero"), np.zeros(whole.n_states), np.empty((6, short))
+        for k in range(short):
+            y[:, k] = steps.C @ x
+            x = steps.A @ x + steps.B @ u[:, k]
+        return relative(simulate(loop, t[:short], u[:, :short], hold="zero").outputs.values, y)
+
+    work = "time, 200 modes, 6 in, 6 out, a loop that feeds back into the plant"
+    return [
+        Row(work, "ours without the loop", 0.5, ours, lambda: simulate(p, t, u), error),
+        Row("same", "our dense block of 402 states", 1.0, ours, dense, part=some / nt),
+        Row(
+            "same",
+            "control.forced_response",
+            1.0,
+            ours,
+            lambda: control.forced_response(system, t[:short], u[:, :short]),
+            part=short / nt,
+        ),
+        Row("same, the first run, its modes included", "-", np.inf, lambda: simulate(replace(loop), t, u), None, units=1e3),
+    ]
 
 
 def sampled_rows(p: ModalPlant, t: np.ndarray, u: np.ndarray) -> list[Row]:
