@@ -9,7 +9,7 @@ from typing import Any, Literal
 import numpy as np
 import numpy.typing as npt
 
-from flexplant.errors import InputError, nearest
+from flexplant.errors import InputError, expect_choice, nearest
 from flexplant.model.arrays import FloatArray, real_values
 
 ComplexArray = npt.NDArray[np.complex128]
@@ -65,8 +65,7 @@ def table_values(table: tuple[FloatArray, FloatArray], at: FloatArray, *, log: b
 
 def checked_spectra(psd: Any, names: list[str], hz: FloatArray, interpolation: Interpolation) -> Spectra:
     """Spectra of the named inputs as `random_response` takes them, or InputError."""
-    if interpolation not in ("linear", "log"):
-        raise InputError(f"random_response: interpolation must be 'linear' or 'log', got {interpolation!r:.40}")
+    expect_choice(interpolation, ("linear", "log"), "random_response: interpolation")
     log = interpolation == "log"
     if not isinstance(psd, Mapping):
         return Spectra(hz, _cross(psd, names, hz), {}, log)

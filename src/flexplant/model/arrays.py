@@ -27,7 +27,7 @@ def frozen(array: npt.ArrayLike, dtype: npt.DTypeLike = np.float64, *, what: str
         numbers = "biufc" if np.issubdtype(dtype, np.complexfloating) else "biuf"
         if given.size and (given.dtype.kind not in numbers or _is_truth(given)):
             raise ValueError(f"of type {given.dtype}")
-        if np.issubdtype(dtype, np.integer) and given.dtype.kind == "f" and not (given == np.round(given)).all():
+        if np.issubdtype(dtype, np.integer) and given.dtype.kind == "f" and not _is_whole(given):
             raise ValueError("not whole")
         out = given.astype(dtype)
     except (TypeError, ValueError, OverflowError) as error:
@@ -80,6 +80,10 @@ def real_or_complex(values: Any, what: str) -> npt.NDArray[Any]:
     except ValueError as error:
         raise ModelError(f"{what}: numbers of one shape are needed ({error})") from None
     return given
+
+
+def _is_whole(given: npt.NDArray[Any]) -> bool:
+    return bool(((abs(given) < 2**63) & (given == np.round(given))).all())
 
 
 def _is_truth(given: npt.NDArray[Any]) -> bool:

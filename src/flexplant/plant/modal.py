@@ -12,6 +12,7 @@ from flexplant.assembly import System
 from flexplant.errors import InputError, ModelError, expect, expect_text, nearest
 from flexplant.model.arrays import FloatArray, checked_switch, real_values
 from flexplant.model.damping import DampingRatio
+from flexplant.model.describe import channels, count, paragraph
 from flexplant.modes import Modes, expect_modes_of, normal_modes
 from flexplant.plant.channels import (
     OutputRows,
@@ -98,6 +99,19 @@ class ModalPlant:
                 what = f"{owner} ({n} modes, {nu} inputs, {ny} outputs): {kind}"
                 self._set(kind, checked_dense(matrix, shape, what))
 
+    def __repr__(self) -> str:
+        rigid = f", {self.n_rigid} of them rigid-body" if self.n_rigid else ""
+        top = f" up to {self.frequency_hz.max():.5g} Hz" if self.n_modes else ""
+        low, high = (self.zeta.min(), self.zeta.max()) if self.n_modes else (0.0, 0.0)
+        ratios = f"zeta {low:.3g}" + ("" if low == high else f" to {high:.3g}")
+        rows = {
+            "inputs": channels(self.inputs, self.input_units),
+            "outputs": channels(self.outputs, self.output_units),
+            "damping": ratios if self.damping is None else "a full modal matrix",
+            "static": "a direct term for the truncated modes" if self.static_correction is not None else "",
+        }
+        return paragraph(f"ModalPlant {self.name!r}: {count(self.n_modes, 'mode')}{top}{rigid}", rows)
+
     @property
     def n_modes(self) -> int:
         """Number of modes."""
@@ -157,7 +171,7 @@ def modal_plant(
             system, "modal_plant",
             "use structural_frequency_response, give damping_ratio, or couple with_equivalent_viscous_damping(component, hz)",
         )  # fmt: skip
-    if static_correction != "modes":
+    if not (isinstance(static_correction, str) and static_correction == "modes"):
         checked_switch(static_correction, "modal_plant: static_correction (or 'modes')")
     if modes is None:
         modes = normal_modes(system, max_frequency_hz=max_frequency_hz, n_modes=n_modes)
