@@ -15,6 +15,7 @@ from flexplant.assembly import System, component_rigid_body, coupled_stiffness_s
 from flexplant.errors import InputError, expect, expect_count
 from flexplant.model.arrays import FloatArray, dense, frozen, is_number, is_sparse, items_of, real_or_complex, real_values
 from flexplant.model.component import Component, FiniteElementModel
+from flexplant.model.describe import count, listed, paragraph
 from flexplant.model.geometry import rigid_body_vectors
 from flexplant.numerics.eigen import Eigenpairs, dense_eigenpairs, sparse_eigenpairs
 from flexplant.numerics.factorization import factorize
@@ -51,6 +52,11 @@ class Modes:
         expect_count(self.n_rigid, "modes: n_rigid", most=hz.size)
         if items_of(self.labels) is None or not all(isinstance(label, str) for label in self.labels):
             raise InputError(f"modes: labels must be a list of names, got {self.labels!r:.60}")
+
+    def __repr__(self) -> str:
+        rigid = f", {self.n_rigid} of them rigid-body" if self.n_rigid else ""
+        hz = listed(f"{value:.5g}" for value in self.frequency_hz[self.n_rigid :])
+        return paragraph(f"{count(len(self), 'mode')}{rigid}", {"Hz": hz})
 
     @property
     def omega(self) -> FloatArray:

@@ -15,6 +15,7 @@ from flexplant.assembly.constraints import Resolved
 from flexplant.errors import CouplingError, InputError, nearest
 from flexplant.model.arrays import FloatArray, IntArray
 from flexplant.model.component import Component
+from flexplant.model.describe import count, listed, paragraph
 from flexplant.model.geometry import Placement, rigid_body_vectors
 from flexplant.model.recovery import Recovery
 
@@ -57,6 +58,16 @@ class System:
     def __post_init__(self) -> None:
         if self.method not in METHODS:
             raise CouplingError(f"method {self.method!r}: use 'dual' or 'primal'")
+
+    def __repr__(self) -> str:
+        head = f"System of {count(len(self.components), 'component')}, {self.method}: {self.n} coordinates, "
+        head += f"{count(self.n_constraints, 'constraint')}, {self.basis.shape[1]} independent"
+        rows = {
+            "components": listed(f"{c.name} ({len(c.boundary)} + {c.n_modal})" for c in self.components),
+            "connections": listed(str(r.connection.name) for r in self.connections),
+            "grounded": "yes" if self.grounded else "no, it floats",
+        }
+        return paragraph(head, rows)
 
     @property
     def n(self) -> int:

@@ -15,6 +15,7 @@ from flexplant.loop.graph import algebraic_loops, block_stages
 from flexplant.loop.ports import Block
 from flexplant.loop.wiring import Wiring, wire
 from flexplant.model.arrays import FloatArray, checked_switch, items_of
+from flexplant.model.describe import count, listed, paragraph
 from flexplant.plant.modal import ModalPlant
 from flexplant.plant.state_space import StateSpace, output_rows
 
@@ -57,6 +58,17 @@ class Diagram:
         object.__setattr__(self, "wiring", wire(blocks, self.connections, inputs, outputs))
         if not self.allow_algebraic_loops:
             self._check_algebraic_loops()
+
+    def __repr__(self) -> str:
+        head = f"Diagram {self.name!r}: {count(len(self.blocks), 'block')}, {count(len(self.connections), 'wire')}"
+        rows = {
+            "blocks": listed(f"{name} ({type(b).__name__})" for name, b in self.blocks.items()),
+            "wires": listed(f"{source} -> {target}" for source, target in self.connections),
+            "inputs": listed(self.inputs),
+            "outputs": listed(self.outputs),
+            "clocks": self.rates if self.is_sampled else "",
+        }
+        return paragraph(head, rows)
 
     def _check_algebraic_loops(self) -> None:
         loops = algebraic_loops(self.wiring, self.feedthrough)

@@ -11,6 +11,7 @@ import numpy as np
 
 from flexplant.errors import ModelError, expect_text
 from flexplant.model.arrays import FloatArray, Matrix, checked_matrix, checked_symmetric, dense, frozen
+from flexplant.model.describe import count, dof_text, listed, paragraph
 from flexplant.model.dofs import DofSet
 from flexplant.model.geometry import Nodes
 from flexplant.model.recovery import Recovery
@@ -64,6 +65,12 @@ class FiniteElementModel:
             if (matrix := getattr(self, kind)) is not None or kind != "damping":
                 object.__setattr__(self, kind, checked_symmetric(matrix, len(dofs), f"model {self.name!r}: {kind} matrix"))
         _check_nodes(f"model {self.name!r}", self.nodes, dofs)
+
+    def __repr__(self) -> str:
+        nodes = "" if self.nodes is None else f", {count(len(self.nodes), 'node')}"
+        damped = "with damping" if self.damping is not None else "no damping"
+        head = f"FiniteElementModel {self.name!r}: {len(self.dofs)} DOF{nodes}, {damped}"
+        return paragraph(head, {"units": self.units, "from": str(self.source.get("path", ""))})
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -120,6 +127,19 @@ class Component:
         if twice or np.unique(ids).size < ids.size:
             raise ModelError(f"{owner}: modal ids must be distinct, and distinct from scalar boundary DOF {twice[:8]}")
         self._set_interior(owner, n)
+
+    def __repr__(self) -> str:
+        head = f"Component {self.name!r}: {count(len(self.boundary), 'boundary DOF', 'boundary DOF')}, {self.n_modal} modal"
+        present = [kind.replace("_", " ") for kind in ("damping", "structural_damping") if getattr(self, kind) is not None]
+        rows = {
+            "boundary": dof_text(self.boundary.pairs),
+            "interior": dof_text(self.interior.pairs) if len(self.interior) else "",
+            "damping": " and ".join(present) or "none",
+            "recovery": listed(f"{r.name} ({count(len(r.labels), 'row')})" for r in self.recovery.values()),
+            "units": self.units,
+            "from": str(self.source.get("path", "")),
+        }
+        return paragraph(head, rows)
 
     def _set_interior(self, owner: str, n: int) -> None:
         interior = DofSet.of(self.interior)

@@ -11,6 +11,7 @@ import numpy as np
 
 from flexplant.errors import ModelError, nearest
 from flexplant.model.arrays import IntArray, frozen, items_of
+from flexplant.model.describe import dof_text
 
 DIRECTIONS = "123456"
 
@@ -76,6 +77,9 @@ class DofSet:
     def nodes(self) -> list[int]:
         """Distinct node ids in order of first appearance, scalar (direction 0) rows left out."""
         return list(dict.fromkeys(n for n, d in self.pairs if d))
+
+    def __repr__(self) -> str:
+        return f"DofSet of {len(self)}: {dof_text(self.pairs)}"
 
     def __len__(self) -> int:
         return int(self.node.size)

@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 from flexplant.errors import InputError, ModelError, expect, nearest
 from flexplant.model.arrays import FloatArray, IntArray, frozen, real_values
+from flexplant.model.describe import count, listed
 from flexplant.model.dofs import DofSet
 
 ORTHOGONALITY_TOLERANCE = 1e-6  # single-precision direction cosines pass, a typing error does not
@@ -84,6 +85,11 @@ class Nodes:
                 raise ModelError(f"nodes: frames must have shape ({ids.size}, 3, 3), got {frames.shape}")
             checked = [check_rotation(f, f"displacement frame of node {i}") for i, f in zip(ids, frames, strict=True)]
             object.__setattr__(self, "frames", frozen(np.reshape(checked, (ids.size, 3, 3))))
+
+    def __repr__(self) -> str:
+        frames = "" if self.frames is None else ", with displacement frames"
+        size = f", {', '.join(f'{s:.4g}' for s in np.ptp(self.positions, axis=0))} across" if self.ids.size else ""
+        return f"{count(self.ids.size, 'node')}{size}{frames}: {listed(self.ids.tolist())}"
 
     @cached_property
     def _row(self) -> dict[int, int]:

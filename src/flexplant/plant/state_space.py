@@ -12,6 +12,7 @@ import scipy.sparse as sp
 
 from flexplant.errors import InputError, ModelError, expect_text
 from flexplant.model.arrays import FloatArray, Matrix, checked_matrix, dense, is_number
+from flexplant.model.describe import channels, count, paragraph
 from flexplant.plant.fields import checked_dense, checked_names, checked_units
 from flexplant.plant.modal import ModalPlant
 
@@ -27,6 +28,11 @@ def _set_channels(system: StateSpace | Descriptor, owner: str) -> None:
 def _expect_square(shape: tuple[int, ...], what: str) -> None:
     if shape[0] != shape[1]:
         raise ModelError(f"{what} has shape {shape}, but a square matrix is needed")
+
+
+def _described(system: Any, headline: str) -> str:
+    shown = {kind: channels(getattr(system, f"{kind}s"), getattr(system, f"{kind}_units")) for kind in ("input", "output")}
+    return paragraph(headline, {f"{kind}s": text for kind, text in shown.items()})
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,6 +67,10 @@ class StateSpace:
             object.__setattr__(self, kind, checked_dense(getattr(self, kind), shape, f"{sizes}: {kind}"))
         if self.dt is not None and not (is_number(self.dt) and 0 < self.dt < np.inf):
             raise ModelError(f"{owner}: dt = {self.dt!r:.60}; use None for continuous time or a positive number of seconds")
+
+    def __repr__(self) -> str:
+        clock = "continuous" if self.dt is None else f"every {self.dt:g} s"
+        return _described(self, f"StateSpace {self.name!r}: {count(self.n_states, 'state')}, {clock}")
 
     @property
     def n_states(self) -> int:
@@ -100,6 +110,9 @@ class Descriptor:
         for kind, shape in {"B": (n, nu), "C": (ny, n)}.items():
             object.__setattr__(self, kind, checked_matrix(getattr(self, kind), shape, f"{sizes}: {kind}"))
         object.__setattr__(self, "D", checked_dense(self.D, (ny, nu), f"{sizes}: D"))
+
+    def __repr__(self) -> str:
+        return _described(self, f"Descriptor {self.name!r}: {count(self.n_states, 'state')}, E and A sparse")
 
     @property
     def n_states(self) -> int:
