@@ -136,3 +136,29 @@ def test_both_layouts_come_back_bit_equal(tmp_path: Path) -> None:
             np.testing.assert_array_equal(getattr(back, kind), getattr(component, kind))
     with pytest.raises(InputError, match="openfast must be a whole number"):
         write_component(component, tmp_path / "x.extptfm", openfast="5")
+
+
+def guyan(comment: str = "made up") -> str:
+    """GuyanASCII as OpenFAST's manual gives it: fixed lines, mass, damping, stiffness, then loads."""
+    m = {k: v[:6, :6] for k, v in jacket().items()}
+    lines = [comment]
+    for title in ("Mass", "Damping", "Stiffness"):
+        lines += [f"#{title}", *("  ".join(f"{v:.9E}" for v in row) for row in m[title])]
+    lines += ["# time-varying force", "# Time Fx Fy Fz Mx My Mz", "# s (N) (N) (N) (N-m) (N-m) (N-m)"]
+    return "\n".join([*lines, *(f"{t} 1.0 0 0 0 0 0" for t in (0.0, 0.5))]) + "\n"
+
+
+def test_the_guyan_layout_is_read(tmp_path: Path) -> None:
+    (tmp_path / "Guyan.dat").write_text(guyan())
+    read = read_component(tmp_path / "Guyan.dat")
+    assert (read.source["format"], read.n_modal, read.source["unused"]) == ("extptfm", 0, ["load history, 2 times"])
+    for kind, matrix in jacket().items():
+        np.testing.assert_allclose(getattr(read, kind.lower()), matrix[:6, :6], rtol=1e-9, atol=1e-9 * abs(matrix).max())
+    for text, message in (
+        ("\n".join(guyan().splitlines()[:20]), "20 lines; the three matrices of GuyanASCII end in line 22"),
+        (guyan().replace("#Stiffness\n", "#Stiffness\n\n"), r"stiffness matrix has 5 of 6 rows|line 1\d"),
+        (guyan().replace("9.600000000E+05", "9.6e", 1), "line 3"),
+    ):
+        (tmp_path / "Guyan.dat").write_text(text)
+        with pytest.raises(ReadError, match=message):
+            read_component(tmp_path / "Guyan.dat")

@@ -28,6 +28,7 @@ from op2_files import dmig_words, write_op2
 from test_abaqus_substructure import substructure
 from test_component_writers import component
 from test_external_superelements import as_op2
+from test_extptfm import guyan
 from test_extptfm import text as jacket_text
 from test_harwell_boeing import folder_of
 from test_matrix_formats import LAYOUTS, PAIRS, model
@@ -138,6 +139,11 @@ def openfast(folder: Path) -> Path:
     return folder / "SE.dat"
 
 
+def old_openfast(folder: Path) -> Path:
+    (folder / "Guyan.dat").write_text(guyan())
+    return folder / "Guyan.dat"
+
+
 def mat_plant(folder: Path) -> Path:
     return write_plant(PLANT, folder / "p.mat", overwrite=True)
 
@@ -162,6 +168,7 @@ SAMPLES: dict[str, tuple[Callable[[Path], Path], Callable[[Path], object]]] = {
     "nastran_op2 + cards": (as_op2, lambda p: read_component(p, format="nastran_op2")),
     "nastran_op2 DMIG": (op2_dmig, lambda p: read_component(p, format="nastran_op2")),
     "extptfm of OpenFAST": (openfast, lambda p: read_component(p, format="extptfm")),
+    "extptfm of Guyan": (old_openfast, lambda p: read_component(p, format="extptfm")),
     "sierra_netcdf nodes": (lambda folder: reduction(folder / "r.nc4", pairs(47, 19), [47, 19])[0],
                             lambda p: read_component(p, format="sierra_netcdf")),
     "mat plant": (mat_plant, read_plant),

@@ -1,8 +1,9 @@
-"""OpenFAST ExtPtfm superelements (FlexASCII): one interface node with six DOF, then Craig-Bampton modes. SI.
+"""OpenFAST ExtPtfm superelements: one interface node with six DOF, then Craig-Bampton modes. SI.
 
 Lines are known by how they begin: !Dimension, !Mass Matrix, !Stiffness Matrix, !Damping Matrix; a matrix begins below its title
 (OpenFAST 5) or below the dimension after it (2.3 to 4), blank lines may follow it. The load history, and the weight and its
-stiffness of OpenFAST 5, are left out; source["unused"] says so.
+stiffness of OpenFAST 5, are left out; source["unused"] says so. The older GuyanASCII layout has six rows a matrix at fixed
+lines: mass, damping, stiffness.
 """
 
 from __future__ import annotations
@@ -23,12 +24,16 @@ from flexplant.model.geometry import Nodes
 TITLES = {"mass": "!MASS MATRIX", "stiffness": "!STIFFNESS MATRIX", "damping": "!DAMPING MATRIX"}
 WEIGHTS = {"weight": "!WEIGHT CONSTANT", "stiffness of the weight": "!WEIGHT STIFFNESS"}
 INTERFACE = 6
+GUYAN = {"mass": 3, "damping": 10, "stiffness": 17}  # the first line of each matrix in GuyanASCII
+GUYAN_LOADS = 26
 
 
 def sniff(head: bytes, path: Path) -> bool:  # noqa: ARG001  every sniff function has it
-    """Text that begins with "!" and has a dimension and a mass matrix near its start."""
+    """Text that begins with "!" and has a dimension and a mass matrix near its start, or has #Mass in its second line."""
     upper = head.upper()
-    return head.lstrip()[:1] == b"!" and b"!DIMENSION" in upper and b"!MASS MATRIX" in upper
+    return _is_guyan(head.decode("latin-1").splitlines()) or (
+        head.lstrip()[:1] == b"!" and b"!DIMENSION" in upper and b"!MASS MATRIX" in upper
+    )
 
 
 def read_component(
@@ -38,8 +43,7 @@ def read_component(
     if len(tuple(position)) != 3:
         raise InputError(f"position={position!r}: three numbers are needed")
     lines = read_lines(path)
-    n = _dimension(path, lines)
-    found = {kind: _matrix(path, lines, title, n) for kind, title in TITLES.items()}
+    found, unused = _guyan(path, lines) if _is_guyan(lines) else _flex(path, lines)
     damping = found["damping"]
     return Component(
         name=name or name_from(path),
@@ -48,8 +52,31 @@ def read_component(
         damping=damping if damping is not None and damping.any() else None,
         boundary=[(node, "123456")],  # type: ignore[arg-type]
         nodes=Nodes(ids=np.array([node]), positions=np.array([position], dtype=float)),
-        source=provenance(path, FORMAT.name, __name__)
-        | {"units": "SI", "unused": _weights(path, lines, n) + _load_history(lines)},
+        source=provenance(path, FORMAT.name, __name__) | {"units": "SI", "unused": unused},
+    )
+
+
+def _is_guyan(lines: list[str]) -> bool:
+    return len(lines) > 1 and lines[1].lstrip().upper().startswith("#MASS")
+
+
+def _guyan(path: Path, lines: list[str]) -> tuple[dict[str, FloatArray | None], list[str]]:
+    if len(lines) < GUYAN["stiffness"] + INTERFACE - 1:
+        raise ReadError(path, f"has {len(lines)} lines; the three matrices of GuyanASCII end in line 22")
+    found: dict[str, FloatArray | None] = {}
+    for kind, first in GUYAN.items():
+        table = number_table(path, lines[first - 1 : first - 1 + INTERFACE], INTERFACE, first)
+        if len(table) < INTERFACE:
+            raise ReadError(path, f"{kind} matrix has {len(table)} of {INTERFACE} rows", record=f"line {first}")
+        found[kind] = table
+    loads = sum(1 for line in lines[GUYAN_LOADS - 1 :] if line.strip())
+    return found, [f"load history, {loads} times"] if loads else []
+
+
+def _flex(path: Path, lines: list[str]) -> tuple[dict[str, FloatArray | None], list[str]]:
+    n = _dimension(path, lines)
+    return {kind: _matrix(path, lines, title, n) for kind, title in TITLES.items()}, _weights(path, lines, n) + _load_history(
+        lines
     )
 
 
@@ -95,7 +122,7 @@ def _needed(path: Path, matrix: FloatArray | None, what: str) -> FloatArray:
 
 FORMAT = Format(
     name="extptfm",
-    description="OpenFAST ExtPtfm superelement text (FlexASCII)",
+    description="OpenFAST ExtPtfm superelement text (FlexASCII; GuyanASCII is read)",
     suffixes=(".extptfm",),
     sniff=sniff,
     tested_against="the layout of OpenFAST's r-test (5MW_OC4Jckt_ExtPtfm), openfast_io 5.0",
