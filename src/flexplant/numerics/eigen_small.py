@@ -24,6 +24,7 @@ SKEW = 1e-2  # smallest to largest pivot of a block's Gram matrix' root, above w
 LOST = 1e-10  # of a block before: what is left below that is round-off
 FIRST_TEST, MOST_FIRST, NEXT_TEST = 4, 14, 2  # blocks besides two columns a mode: to the first test, and one more
 MODES_A_BLOCK = 3  # wanted, up to so many; and between tests, each an eigenproblem of the basis
+LONGEST = 3  # times the columns at the first test: what has not converged by then is another kind of problem
 DENSE_ROWS, DENSE_SHARE = 120, 4  # dense up to so many unknowns, and so many more a mode: what Lanczos takes for them costs more
 
 
@@ -39,7 +40,7 @@ def all_modes(factor: BandedFactor, mass: Any) -> tuple[FloatArray, FloatArray] 
     indefinite.
     """
     half = factor.forward(dense(mass))
-    theta, vectors = np.linalg.eigh(factor.forward(np.ascontiguousarray(half.T)))
+    theta, vectors = np.linalg.eigh(factor.forward(half.T))
     if theta[0] < -NEGATIVE * theta[-1]:
         return None
     sure = np.count_nonzero(theta > SURE * theta[-1])
@@ -58,14 +59,16 @@ def short_lanczos(factor: BandedFactor, mass: Any, n_modes: int, progress: Progr
     None where the general `lanczos` should be asked. Source: Golub and Underwood 1977.
     """
     n, block = mass.shape[0], BLOCK
-    basis = np.empty((n, n + block), order="F")
-    projection = np.zeros((n, n))
+    test = 2 * n_modes + min(FIRST_TEST + n_modes // MODES_A_BLOCK, MOST_FIRST) * block
+    most = min(n, LONGEST * test)
+    basis = np.empty((n, most + block), order="F")
+    projection = np.zeros((most, most))
     start = factor.forward(mass @ factor.backward(np.random.default_rng(SEED).standard_normal((n, block))))
     basis[:, :block] = np.linalg.qr(start)[0]
-    used, test = 0, 2 * n_modes + min(FIRST_TEST + n_modes // MODES_A_BLOCK, MOST_FIRST) * block
-    while used + 2 * block <= n:
+    used = 0
+    while used + 2 * block <= most:
         new = slice(used, used + block)
-        image = factor.forward(mass @ factor.backward(np.ascontiguousarray(basis[:, new])))
+        image = factor.forward(mass @ factor.backward(basis[:, new]))
         used += block
         share, rest, coupling = _orthogonal(basis[:, :used], np.asfortranarray(image))
         projection[used - share.shape[0] : used, new] = share

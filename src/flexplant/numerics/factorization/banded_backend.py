@@ -8,6 +8,7 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 import scipy.linalg.lapack as lapack
 import scipy.sparse as sp
 from scipy.sparse.csgraph import reverse_cuthill_mckee
@@ -23,13 +24,13 @@ TINY = 1e-15  # of the largest entry: a pivot block's own pivot below it is roun
 
 @dataclass(frozen=True, eq=False)
 class BandedFactor:
-    """See `Factor`: P A P^T = L L^T, L block-bidiagonal, `order` P's rows.
+    """See `Factor`: P A P^T = L L^T, L block-bidiagonal, `order` P's rows, None where they stay as they are.
 
     lower: [-D_i S_i, D_i], and upper: [D_i^T, -(S_(i+1) D_i)^T], of the inverses D of the diagonal blocks and the blocks S
     beside them, so that a row block of a solution takes one product.
     """
 
-    order: IntArray
+    order: IntArray | None
     ends: tuple[int, ...]
     lower: tuple[FloatArray, ...]
     upper: tuple[FloatArray, ...]
@@ -43,17 +44,19 @@ class BandedFactor:
 
     def forward(self, right_side: FloatArray) -> FloatArray:
         """L^-1 P b, (n, k)."""
-        x = right_side[self.order]
+        x = np.array(right_side, order="C") if self.order is None else right_side[self.order]
         for i, block in enumerate(self.lower):
             x[self.ends[i] : self.ends[i + 1]] = block @ x[self.ends[max(i - 1, 0)] : self.ends[i + 1]]
         return x
 
     def backward(self, right_side: FloatArray) -> FloatArray:
         """P^T L^-T y, (n, k)."""
-        x = np.array(right_side)
+        x = np.array(right_side, order="C")
         last = len(self.upper) - 1
         for i in range(last, -1, -1):
             x[self.ends[i] : self.ends[i + 1]] = self.upper[i] @ x[self.ends[i] : self.ends[min(i + 1, last) + 1]]
+        if self.order is None:
+            return x
         out = np.empty_like(x)
         out[self.order] = x
         return out
@@ -106,11 +109,56 @@ def _solved(pivot: tuple[FloatArray, IntArray], right_side: FloatArray) -> Float
 
 
 @dataclass(frozen=True, eq=False)
+class _Layout:
+    """Where entries of a pattern (CSR starts and columns) go in row blocks [A_i,i-1, A_ii], one after the other in one array."""
+
+    starts: IntArray
+    columns: IntArray
+    lower: npt.NDArray[np.bool_]
+    places: IntArray
+    shapes: tuple[tuple[int, int], ...]
+
+    @classmethod
+    def of(cls, csr: Any, order: IntArray, ends: tuple[int, ...]) -> _Layout | None:
+        """None where an entry lies outside the blocks."""
+        place = np.empty_like(order)
+        place[order] = np.arange(order.size)
+        block = np.repeat(np.arange(len(ends) - 1), np.diff(ends))
+        row, column = np.repeat(place, np.diff(csr.indptr)), place[csr.indices]
+        at, beside = block[row], block[column]
+        if (abs(at - beside) > 1).any():
+            return None
+        lower = beside <= at
+        first = np.array([0, *ends])[: len(ends) - 1]  # the first column of each row block
+        width = np.array(ends[1:]) - first
+        offset = np.cumsum(np.r_[0, np.diff(ends) * width])[:-1]
+        places = offset[at] + (row - np.array(ends)[at]) * width[at] + column - first[at]
+        shapes = tuple(zip(np.diff(ends).tolist(), width.tolist(), strict=True))
+        return cls(csr.indptr, csr.indices, lower, places[lower], shapes)
+
+    def fits(self, csr: Any) -> bool:
+        """Whether a matrix has this pattern."""
+        return np.array_equal(self.starts, csr.indptr) and np.array_equal(self.columns, csr.indices)
+
+    def blocks(self, csr: Any) -> list[tuple[FloatArray, FloatArray]]:
+        """A_i,i-1 (no columns for the first) and A_ii of each row block."""
+        size = sum(height * width for height, width in self.shapes)
+        whole: FloatArray = np.asarray(np.bincount(self.places, csr.data[self.lower], size), dtype=float)
+        out, start = [], 0
+        for height, width in self.shapes:
+            rows = whole[start : start + height * width].reshape(height, width)
+            out.append((rows[:, : width - height], rows[:, width - height :]))
+            start += height * width
+        return out
+
+
+@dataclass(frozen=True, eq=False)
 class BandedAnalysis:
     """See `Analysis`: an order of the rows and the ends of their blocks, each of which meets its neighbours only."""
 
     order: IntArray
     ends: tuple[int, ...]
+    pattern: Any
 
     @cached_property
     def estimate(self) -> Estimate:
@@ -119,64 +167,61 @@ class BandedAnalysis:
         beside = size[1:] * size[:-1]
         fill = int(np.sum(size**2) + np.sum(beside))
         flops = float(np.sum(size**3) + 4.0 * np.sum(beside * (size[1:] + size[:-1])))
-        return Estimate(fill, 16 * fill, 24 * fill + 8 * self.ends[-1] ** 2, flops)
+        return Estimate(fill, 16 * fill, 32 * fill, flops)
+
+    @cached_property
+    def layout(self) -> _Layout | None:
+        """That of the pattern analysed."""
+        return _Layout.of(self.pattern, self.order, self.ends)
 
     def factorize(self, matrix: Any) -> BandedFactor | IndefiniteFactor:
         """Factor a matrix; one that does not fit the blocks is analysed anew. SolverError where it is singular."""
         csr = _real(matrix)
-        if not self._holds(csr):
+        if csr.shape[0] != self.order.size:
             return analyze(csr).factorize(csr)
-        whole = csr.toarray() if self._natural else csr.toarray()[np.ix_(self.order, self.order)]
-        found = self._positive(whole) or self._indefinite(whole, self.ends) or self._indefinite(whole, (0, len(whole)))
+        fits = self.layout is not None and self.layout.fits(csr)
+        layout = self.layout if fits else _Layout.of(csr, self.order, self.ends)
+        if layout is None:
+            return analyze(csr).factorize(csr)
+        largest, blocks = float(abs(csr.data).max(initial=0.0)), layout.blocks(csr)
+        found = self._positive(blocks) or _indefinite(blocks, self.order, self.ends, largest)
+        if found is None:  # as one block, pivots are chosen among all rows
+            one = (0, self.order.size)
+            whole = _Layout.of(csr, self.order, one)
+            found = None if whole is None else _indefinite(whole.blocks(csr), self.order, one, largest)
         if found is None:
             raise SolverError(f"the matrix {matrix.shape} is singular (a pivot vanishes); shift it or remove mechanisms")
         return found
 
-    @cached_property
-    def _natural(self) -> bool:
-        return bool((np.diff(self.order) == 1).all())
-
-    def _holds(self, csr: Any) -> bool:
-        n = self.ends[-1]
-        if csr.shape != (n, n):
-            return False
-        block = np.empty(n, dtype=np.int64)
-        block[self.order] = np.repeat(np.arange(len(self.ends) - 1), np.diff(self.ends))
-        return bool((abs(np.repeat(block, np.diff(csr.indptr)) - block[csr.indices]) <= 1).all())
-
-    def _positive(self, whole: FloatArray) -> BandedFactor | None:
+    def _positive(self, blocks: list[tuple[FloatArray, FloatArray]]) -> BandedFactor | None:
         """None where a pivot is not positive."""
         lower: list[FloatArray] = []
         upper: list[FloatArray] = []
         beside = np.zeros((0, 0))
-        for i, (start, end) in enumerate(pairwise(self.ends)):
-            pivot = whole[start:end, start:end]
-            root, failed = lapack.dpotrf(pivot - beside @ beside.T if i else pivot, lower=1, clean=1)
+        for i, (_, own) in enumerate(blocks):
+            root, failed = lapack.dpotrf(own - beside @ beside.T if i else own, lower=1, clean=1)
             if failed:
                 return None
             inverse = lapack.dtrtri(root, lower=1)[0]
             lower.append(np.hstack([-inverse @ beside, inverse]) if i else np.ascontiguousarray(inverse))
-            after = self.ends[min(i + 2, len(self.ends) - 1)]
-            beside = whole[end:after, start:end] @ inverse.T
+            beside = (blocks[i + 1][0] if i + 1 < len(blocks) else np.zeros((0, own.shape[0]))) @ inverse.T
             upper.append(np.hstack([inverse.T, -(beside @ inverse).T]))
-        return BandedFactor(self.order, self.ends, tuple(lower), tuple(upper))
+        natural = bool((np.diff(self.order) == 1).all())
+        return BandedFactor(None if natural else self.order, self.ends, tuple(lower), tuple(upper))
 
-    def _indefinite(self, whole: FloatArray, ends: tuple[int, ...]) -> IndefiniteFactor | None:
-        """None where a pivot block is singular, or so near to it that the next one loses its digits."""
-        pivots: list[tuple[FloatArray, IntArray]] = []
-        beside: list[FloatArray] = []
-        largest = abs(whole).max(initial=0.0)
-        for i, (start, end) in enumerate(pairwise(ends)):
-            pivot = whole[start:end, start:end]
-            if i:
-                pivot = pivot - beside[-1] @ _solved(pivots[-1], beside[-1].T)
-            factored, swaps, failed = lapack.dsytrf(pivot, lower=1, lwork=LEAST * (end - start))
-            if failed or not abs(pivot).max() <= GROWTH * largest or _vanishes(factored, swaps, TINY * largest):
-                return None
-            pivots.append((factored, swaps))
-            if end < ends[-1]:
-                beside.append(whole[end : ends[i + 2], start:end])
-        return IndefiniteFactor(self.order, ends, tuple(pivots), tuple(beside))
+
+def _indefinite(
+    blocks: list[tuple[FloatArray, FloatArray]], order: IntArray, ends: tuple[int, ...], largest: float
+) -> IndefiniteFactor | None:
+    """None where a pivot block is singular, or so near to it that the next one loses its digits."""
+    pivots: list[tuple[FloatArray, IntArray]] = []
+    for i, (beside, own) in enumerate(blocks):
+        pivot = own - beside @ _solved(pivots[-1], beside.T) if i else own
+        factored, swaps, failed = lapack.dsytrf(pivot, lower=1, lwork=LEAST * own.shape[0])
+        if failed or not max(pivot.max(), -pivot.min()) <= GROWTH * largest or _vanishes(factored, swaps, TINY * largest):
+            return None
+        pivots.append((factored, swaps))
+    return IndefiniteFactor(order, ends, tuple(pivots), tuple(beside for beside, _ in blocks[1:]))
 
 
 def _vanishes(factored: FloatArray, swaps: IntArray, limit: float) -> bool:
@@ -188,8 +233,11 @@ def analyze(matrix: Any, *, threads: int | None = None) -> BandedAnalysis:  # no
     """The order, as given or reverse Cuthill-McKee, that costs fewer flops. InputError for a complex matrix."""
     csr = _real(matrix)
     n = csr.shape[0]
-    turned = np.asarray(reverse_cuthill_mckee(csr, symmetric_mode=True), dtype=np.int64) if n else np.arange(0)
-    found = [BandedAnalysis(order, _ends(_reach(csr, order))) for order in (np.arange(n), turned)]
+    natural = np.arange(n)
+    if n <= LEAST:
+        return BandedAnalysis(natural, (0, n), csr)
+    turned = np.asarray(reverse_cuthill_mckee(csr, symmetric_mode=True), dtype=np.int64)
+    found = [BandedAnalysis(order, _ends(_reach(csr, order)), csr) for order in (natural, turned)]
     return min(found, key=lambda analysis: analysis.estimate.flops)
 
 
