@@ -315,6 +315,9 @@ def convert_file(
     dt: Annotated[float | None, typer.Option(help="Sample time in seconds, for C source.")] = None,
     openfast: Annotated[int | None, typer.Option(help="Major version of OpenFAST, for .extptfm (default 4).")] = None,
     option: Reading = None,
+    drop: Annotated[
+        list[str] | None, typer.Option(help="Leave out what the target cannot hold: recovery, interior or structural_damping.")
+    ] = None,
     force: Force = False,
 ) -> None:
     """Put a component, model or plant into another format (docs/formats.md lists them)."""
@@ -323,7 +326,7 @@ def convert_file(
     given: dict[str, Any] = {"dt": dt, "openfast": openfast}
     options = {name: value for name, value in given.items() if value is not None}
     reading: dict[str, Any] = {"format": format, "units": units, "read_options": _reading(option)}
-    typer.echo(f"wrote {convert(source, target, overwrite=force, **reading, **options)}")
+    typer.echo(f"wrote {convert(source, target, overwrite=force, drop=drop or [], **reading, **options)}")
 
 
 @app.command(epilog="Example: flexplant new study.yaml")

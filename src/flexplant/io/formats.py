@@ -27,6 +27,9 @@ class Format:
     readers: dict[str, Callable[..., Any]] = field(default_factory=dict)
 
 
+EXTRAS = ("recovery", "recovery rates", "interior", "structural_damping")  # of a component, beside what every format holds
+
+
 def _alone(_: Path) -> tuple[Path, ...]:
     return ()
 
@@ -37,6 +40,7 @@ class Writer:
 
     The path a writer gets is a temporary one; the registry puts the finished file in its place. Keyword-only parameters of
     a writer are options of the format, except `target`: the path where the file will be. tested_against: for the table.
+    holds: those of `EXTRAS` that a component keeps in this format ("recovery" alone: displacement rows only).
     beside: the files that a target brings with it. written_as: what a file says we wrote it as (`io.write.ownership`), None for
     the general rule. apart: endings of files that, with the same stem, would take the target for a part of theirs.
     """
@@ -46,6 +50,7 @@ class Writer:
     suffixes: tuple[str, ...]
     writers: dict[str, Callable[..., None]]
     tested_against: str = ""
+    holds: frozenset[str] = frozenset()
     beside: Callable[[Path], tuple[Path, ...]] = _alone
     written_as: Callable[[Path], str] | None = None
     apart: tuple[str, ...] = ()

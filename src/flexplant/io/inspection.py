@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from flexplant.errors import InputError, PlausibilityWarning, ReadError
-from flexplant.io.output import read_plant, write_component, write_model, write_plant
+from flexplant.io.output import read_plant, without, write_component, write_model, write_plant
 from flexplant.io.parse.files import as_path
 from flexplant.io.parse.own_plant import Plant
 from flexplant.io.plausibility import Model, first_frequencies, plausibility, quantities
@@ -49,6 +49,7 @@ def convert(
     units: Units | None = None,
     name: str | None = None,
     read_options: Mapping[str, Any] | None = None,
+    drop: Iterable[str] = (),
     overwrite: bool = False,
     **write_options: Any,
 ) -> Path:
@@ -56,6 +57,7 @@ def convert(
 
     format, units, name, read_options: for reading, the last of the format that is read, such as {"superelement": 101}.
     write_options: of the written format, such as dt for C source. overwrite: as for `write_component`.
+    drop: parts of a component to leave out: "recovery", "interior", "structural_damping".
     Raises ReadError for what cannot be read, InputError where the target cannot hold it or is the file itself, WriteError
     where a file would be replaced that belongs to the source or is somebody else's.
     """
@@ -64,7 +66,7 @@ def convert(
     options = dict(read_options or {}) | ({} if name is None else {"name": name})
     value = read_any(path, format=format, units=units, **options)
     if isinstance(value, Component):
-        return write_component(value, target, overwrite=overwrite, **write_options)
+        return write_component(without(value, drop), target, overwrite=overwrite, **write_options)
     if isinstance(value, Model):
         return write_model(value, target, overwrite=overwrite, **write_options)
     return write_plant(value, target, overwrite=overwrite, sources=[path], **write_options)

@@ -10,6 +10,7 @@ import importlib
 import inspect
 import pkgutil
 from collections.abc import Iterable
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -25,10 +26,14 @@ from flexplant.io.parse.npz import looks_like_npz, read_npz
 from flexplant.io.parse.own_plant import Plant, unpack_matlab, unpack_plant
 from flexplant.io.write.atomic import replacing
 from flexplant.io.write.ownership import check_replaced, files_of
-from flexplant.model.arrays import checked_switch
+from flexplant.model.arrays import checked_switch, items_of
 from flexplant.model.component import Component, FiniteElementModel
 
-OWN = (".npz", ".h5", ".hdf5")
+DROPPED = {
+    "recovery": "dataclasses.replace(component, recovery={})",
+    "interior": "dataclasses.replace(component, interior=(), interior_rows=None)",
+    "structural_damping": "dataclasses.replace(component, structural_damping=None)",
+}
 
 
 @cache
@@ -82,30 +87,46 @@ def write_component(component: Component, path: str | Path, *, overwrite: bool =
     """Write a component to `.npz` or `.h5` and return the path; `read_component` gives it back bit-equal.
 
     What its reduction reported and the error rows are kept; basis=True writes its basis too. Raises InputError for another
-    ending, and for structural damping and interior DOF where the format has no place for them, WriteError naming the folder
-    that cannot be written. A file that stands there is replaced only where it is what this wrote before, or with
+    ending, and for recovery, structural damping and interior DOF where the format has no place for them; WriteError naming
+    the folder that cannot be written. A file that stands there is replaced only where it is what this wrote before, or with
     overwrite=True; a file that the component was read from never (WriteError). That holds for all files of a target.
     """
     expect(component, Component, "write_component", "read_component gives one, craig_bampton reduces a model to one")
-    chosen_writer("write_component", as_path(path))  # an ending that no format has is the first thing to say
-    _refuse_loss(component, as_path(path))
+    chosen = chosen_writer("write_component", as_path(path))  # an ending that no format has is the first thing to say
+    _refuse_loss(component, as_path(path), chosen.holds)
     return _write("write_component", component, path, options, overwrite)
 
 
-def _refuse_loss(component: Component, path: Path) -> None:
-    """InputError where a format other than our own would leave out a part of the component without a word."""
-    if path.suffix.lower() in OWN:
-        return
-    if component.structural_damping is not None:
+def _refuse_loss(component: Component, path: Path, holds: frozenset[str]) -> None:
+    """InputError where a format would leave out a part of the component without a word."""
+    lost = [(what, text) for what, text in _extras(component) if what not in holds]
+    if lost:
+        what, text = lost[0]
+        field = what.split()[0]
+        without = "write with_equivalent_viscous_damping(component, hz)" if what == "structural_damping" else DROPPED[field]
         raise InputError(
-            f"{path.name!r}: this format does not hold the structural damping of component {component.name!r}; write .npz or "
-            ".h5, or write with_equivalent_viscous_damping(component, hz)"
+            f"{path.name!r}: this format does not hold the {text} of component {component.name!r}; write .npz or .h5, or "
+            f"{without} (convert: drop=[{field!r}], --drop {field})"
         )
-    if len(component.interior):
-        raise InputError(
-            f"{path.name!r}: this format does not hold the interior DOF of component {component.name!r}; write .npz or .h5, or "
-            "dataclasses.replace(component, interior=(), interior_rows=None)"
-        )
+
+
+def _extras(component: Component) -> list[tuple[str, str]]:
+    """What the component has of `EXTRAS`, in words too."""
+    rates = [r.name for r in component.recovery.values() if r.velocity is not None or r.acceleration is not None]
+    found = [("structural_damping", "structural damping")] if component.structural_damping is not None else []
+    found += [("interior", "interior DOF")] if len(component.interior) else []
+    found += [("recovery", f"recovery rows ({', '.join(component.recovery)})")] if component.recovery else []
+    return found + ([("recovery rates", f"velocity and acceleration rows of the recovery {', '.join(rates)}")] if rates else [])
+
+
+def without(component: Component, drop: Iterable[str]) -> Component:
+    """The component without its "recovery", "interior" DOF or "structural_damping"; InputError for other words."""
+    listed = items_of(drop)
+    if listed is None or (wrong := [word for word in listed if word not in DROPPED]):
+        raise InputError(f"drop takes a list of {', '.join(DROPPED)}, got {drop if listed is None else wrong[0]!r:.60}")
+    empty: dict[str, Any] = {"recovery": {}, "interior": (), "structural_damping": None}
+    given = {word: empty[word] for word in listed} | ({"interior_rows": None} if "interior" in listed else {})
+    return replace(component, **given)
 
 
 def write_model(model: FiniteElementModel, path: str | Path, *, overwrite: bool = False, **options: Any) -> Path:

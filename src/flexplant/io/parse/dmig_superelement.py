@@ -20,9 +20,10 @@ from flexplant.io.parse.dmig import RECTANGULAR, Dmig, dmig_matrices
 from flexplant.io.parse.dti import recovery_tables
 from flexplant.io.parse.files import provenance
 from flexplant.io.parse.names import name_from
+from flexplant.io.parse.recovery_notes import Note
 from flexplant.io.parse.structural import check_choice, taken
 from flexplant.io.parse.superelement_dofs import GEOMETRY_CARDS, card_pairs, listed_pairs, modal_ids
-from flexplant.model.arrays import Matrix, dense
+from flexplant.model.arrays import dense
 from flexplant.model.component import Component
 from flexplant.model.dofs import DofSet
 from flexplant.model.recovery import Recovery
@@ -38,9 +39,11 @@ def dmig_component(
     made_by: tuple[str, str],
     beside: tuple[Path, ...] = (),
     selected: str | None = None,
+    notes: dict[str, Note] | None = None,
 ) -> Component:
     """The component; suffix and structural as in `read_component` of the formats; made_by: format and reader, for provenance.
 
+    notes: what comments say of recovery matrices.
     selected: the name that case control selects as structural damping (K42GG), where it does.
     """
     check_choice(structural)
@@ -53,14 +56,14 @@ def dmig_component(
     boundary = DofSet(dofs.node[~modal], dofs.direction[~modal])
     geometry = Geometry.of(card for card in cards if card.name in GEOMETRY_CARDS)
     square: dict[str, Any] = {kind: None if m is None else dense(m.square(dofs)) for kind, m in used.items()}
-    recovery = _recovery(matrices, cards, dofs)
-    known = {m.name for m in used.values() if m is not None} | {f"{r.name.upper()}T" for r in recovery}
+    recovery = _recovery(path, matrices, cards, dofs, notes or {})
+    known = {m.name for m in used.values() if m is not None} | set(recovery)
     return Component(
         name=name or name_from(path),
         **square,
         boundary=boundary,
         nodes=geometry.nodes(boundary.nodes) if geometry.grids else None,
-        recovery={r.name: r for r in recovery},
+        recovery={r.name: r for r in recovery.values()},
         modal_ids=modal_ids(dofs, modal),
         source=provenance(path, *made_by, beside) | {"unused": [n for n in matrices if n not in known]},
     )
@@ -101,13 +104,19 @@ def _dofs(cards: list[Card], matrices: list[Dmig]) -> tuple[DofSet, int]:
     return DofSet.of(sorted(pairs - modal) + sorted(modal)), len(pairs) - len(modal)
 
 
-def _recovery(matrices: dict[str, Dmig], cards: list[Card], dofs: DofSet) -> list[Recovery]:
-    """Transposed recovery matrices that have a table of row labels."""
-    tables, out = recovery_tables(cards), []
+def _recovery(
+    path: Path, matrices: dict[str, Dmig], cards: list[Card], dofs: DofSet, notes: dict[str, Note]
+) -> dict[str, Recovery]:
+    """Transposed recovery matrices that have row labels, by matrix; those in comments go before a table."""
+    tables, out = recovery_tables(cards), {}
     for name, matrix in matrices.items():
         table = tables.get("T" + name[1:-1]) if name.startswith("M") and name.endswith("T") else None
-        if table is None or matrix.form not in RECTANGULAR:
+        note = notes.get(name)
+        if (table is None and note is None) or matrix.form not in RECTANGULAR:
             continue
-        rows: Matrix = matrix.transposed(dofs)
-        out.append(Recovery(name=name[:-1].lower(), labels=table.labels(rows.shape[0]), displacement=dense(rows)))
+        rows = dense(matrix.transposed(dofs))
+        if note is not None:
+            out[name] = note.recovery(path, rows)
+        elif table is not None:
+            out[name] = Recovery(name=name[:-1].lower(), labels=table.labels(rows.shape[0]), displacement=rows)
     return out

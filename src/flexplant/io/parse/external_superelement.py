@@ -19,6 +19,7 @@ from flexplant.io.parse.coordinates import Geometry
 from flexplant.io.parse.dti import recovery_tables
 from flexplant.io.parse.files import provenance
 from flexplant.io.parse.names import name_from
+from flexplant.io.parse.recovery_notes import Note, read_notes
 from flexplant.io.parse.structural import check_choice, present, taken
 from flexplant.io.parse.superelement_dofs import GEOMETRY_CARDS, modal_ids, row_dofs
 from flexplant.model.arrays import Matrix, is_sparse
@@ -48,11 +49,11 @@ def external_superelement(
         if used[kind] is None:
             raise ReadError(path, f"has no {kind} matrix {' or '.join(NAMES[kind])}; it holds {', '.join(matrices)}")
     loss = taken(path, used["structural"], structural, "K4")
-    recovery = _recovery(path, matrices, cards, order)
+    recovery = _recovery(path, matrices, cards, order, read_notes(*beside))
     boundary = DofSet(dofs.node[~modal], dofs.direction[~modal])
     geometry = Geometry.of(card for card in cards if card.name in GEOMETRY_CARDS)
     left_out = () if loss is not None else NAMES["structural"]
-    known = {n for names in NAMES.values() for n in names if n not in left_out} | {r.name.upper() for r in recovery}
+    known = {n for names in NAMES.values() for n in names if n not in left_out} | set(recovery)
     source = provenance(path, *made_by, beside)
     source["unused"] = [f"{k} {m.shape}" for k, m in matrices.items() if k not in known]
     return Component(
@@ -63,7 +64,7 @@ def external_superelement(
         structural_damping=None if loss is None else _ordered(loss, order),
         boundary=boundary,
         nodes=geometry.nodes(boundary.nodes),
-        recovery={r.name: r for r in recovery},
+        recovery={r.name: r for r in recovery.values()},
         modal_ids=modal_ids(dofs, modal),
         source=source,
     )
@@ -85,16 +86,19 @@ def _ordered(matrix: Matrix, order: Any) -> Matrix:
     return matrix.tocsr()[order][:, order] if is_sparse(matrix) else matrix[np.ix_(order, order)]
 
 
-def _recovery(path: Path, matrices: dict[str, Matrix], cards: list[Card], order: Any) -> list[Recovery]:
+def _recovery(
+    path: Path, matrices: dict[str, Matrix], cards: list[Card], order: Any, notes: dict[str, Note]
+) -> dict[str, Recovery]:
+    """By matrix; what the comments say of one goes before its table."""
     tables = recovery_tables(cards)
-    out = []
+    out = {}
     for name, matrix in matrices.items():
-        table = tables.get("T" + name[1:])
-        if not name.startswith("M") or (table is None and name not in RECOVERY) or name in NAMES["mass"]:
+        table, note = tables.get("T" + name[1:]), notes.get(name)
+        if not name.startswith("M") or name in NAMES["mass"] or not (table or note or name in RECOVERY):
             continue
         if matrix.shape[1] != len(order) or np.iscomplexobj(matrix):
             raise ReadError(path, f"{name} has shape {matrix.shape}, {len(order)} real columns are needed", record=name)
-        labels = table.labels(matrix.shape[0]) if table else [str(i + 1) for i in range(matrix.shape[0])]
         columns = matrix.tocsc()[:, order] if is_sparse(matrix) else matrix[:, order]
-        out.append(Recovery(name=name.lower(), labels=labels, displacement=columns))
+        labels = table.labels(matrix.shape[0]) if table else [str(i + 1) for i in range(matrix.shape[0])]
+        out[name] = note.recovery(path, columns) if note else Recovery(name.lower(), labels, displacement=columns)
     return out

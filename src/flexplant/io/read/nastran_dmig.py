@@ -12,6 +12,7 @@ from flexplant.io.formats import Format
 from flexplant.io.parse.bulk import read_cards
 from flexplant.io.parse.dmig_superelement import dmig_component
 from flexplant.io.parse.files import read_bytes, sibling
+from flexplant.io.parse.recovery_notes import read_notes
 from flexplant.model.component import Component
 
 DMIG_LINE = re.compile(rb"^DMIG\b", re.MULTILINE)
@@ -42,7 +43,10 @@ def read_component(path: Path, *, name: str | None = None, suffix: str | None = 
     made_by, cards = (FORMAT.name, __name__), read_cards(path)
     chosen = K42GG.search(read_bytes(path))
     selected = None if chosen is None else chosen[1].decode("ascii", "replace").upper()
-    return dmig_component(path, cards, name=name, suffix=suffix, structural=structural, made_by=made_by, selected=selected)
+    notes = read_notes(path)
+    return dmig_component(
+        path, cards, name=name, suffix=suffix, structural=structural, made_by=made_by, selected=selected, notes=notes
+    )
 
 
 FORMAT = Format(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from flexplant.io.formats import Writer
+from flexplant.io.formats import EXTRAS, Writer
 from flexplant.io.parse.h5 import write_h5
 from flexplant.io.parse.own import pack_component, pack_model
 from flexplant.io.parse.own_plant import Plant, pack_plant
@@ -30,5 +30,6 @@ WRITER = Writer(
     name="flexplant_h5",
     description="flexplant's own HDF5 file",
     suffixes=(".h5", ".hdf5"),
+    holds=frozenset(EXTRAS),
     writers={"write_component": write_component, "write_model": write_model, "write_plant": write_plant},
 )

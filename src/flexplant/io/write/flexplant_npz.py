@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from flexplant.io.formats import Writer
+from flexplant.io.formats import EXTRAS, Writer
 from flexplant.io.parse.own import pack_component, pack_model
 from flexplant.io.parse.own_plant import Plant, pack_plant
 from flexplant.model.component import Component, FiniteElementModel
@@ -37,5 +37,6 @@ WRITER = Writer(
     name="flexplant_npz",
     description="flexplant's own .npz",
     suffixes=(".npz",),
+    holds=frozenset(EXTRAS),
     writers={"write_component": write_component, "write_model": write_model, "write_plant": write_plant},
 )

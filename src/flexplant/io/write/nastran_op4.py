@@ -2,7 +2,8 @@
 
 Matrices are binary and bit-equal; positions in the text files keep 12 digits. The `.pch` lists the DOF of the rows (EXTRN),
 the `.asm` has GRID, CORD2R, SPOINT and SECONCT, and as comments the CUSERIN and PUSERIN entries that MYSTRAN takes instead.
-Recovery matrices whose name fits (M..., up to 8 letters) go along.
+Recovery matrices go along: MUG1 and the like by their own names with DTI tables of their rows, others as MREC1, MREC2, ...;
+comments of the `.pch` keep every name, unit and label.
 """
 
 from __future__ import annotations
@@ -14,7 +15,9 @@ import numpy as np
 
 from flexplant.io.formats import Writer
 from flexplant.io.parse.files import read_head, sha256
+from flexplant.io.parse.recovery_notes import notes_text
 from flexplant.io.write.atomic import replacing
+from flexplant.io.write.nastran_recovery import recovery_notes, table_text
 from flexplant.io.write.nastran_text import geometry_text, grouped, modal_points, pairs_text
 from flexplant.io.write.ownership import mark, written_as
 from flexplant.model.arrays import Matrix, dense
@@ -22,7 +25,7 @@ from flexplant.model.component import Component
 
 NAME = "nastran_op4"
 SQUARE, RECTANGULAR, SYMMETRIC, REAL_DOUBLE = 1, 2, 6, 2
-MATRICES = (("stiffness", "KXX"), ("mass", "MXX"), ("damping", "BXX"))
+MATRICES = (("stiffness", "KXX"), ("mass", "MXX"), ("damping", "BXX"), ("structural_damping", "K4XX"))
 
 
 def write_component(component: Component, path: Path, *, target: Path, superelement: int = 1) -> None:
@@ -35,15 +38,18 @@ def write_component(component: Component, path: Path, *, target: Path, superelem
     geometry = geometry_text(component.nodes, component.boundary, points)
     seconct = _seconct(superelement, [*component.boundary.nodes, *points])
     userin = _userin(superelement, listed, points, target.name)
+    notes = recovery_notes(component)
     with path.open("wb") as stream:
         for kind, name in MATRICES:
             if (matrix := getattr(component, kind)) is not None:
                 stream.write(op4_matrix(name, matrix, SYMMETRIC))
-        for recovery in component.recovery.values():
-            if recovery.displacement is not None and recovery.name.upper().startswith("M") and len(recovery.name) <= 8:
-                stream.write(op4_matrix(recovery.name.upper(), recovery.displacement, RECTANGULAR))
+        for note in notes:
+            if (rows := component.recovery[note.name].displacement) is not None:
+                stream.write(op4_matrix(note.matrix, rows, RECTANGULAR))
     head = f"$ {component.name}\n$ {_mark(path)}\n"
-    for file, text in zip(beside(target), (seconct + geometry + userin, pairs_text("EXTRN", listed) + geometry), strict=True):
+    labels = "".join(map(table_text, notes)) + notes_text(notes)
+    punched = pairs_text("EXTRN", listed) + geometry + labels
+    for file, text in zip(beside(target), (seconct + geometry + userin, punched), strict=True):
         with replacing(file) as work:
             work.write_text(head + text, encoding="utf-8")
 
@@ -108,6 +114,7 @@ WRITER = Writer(
     description="Nastran external superelement: .op4 with .asm and .pch",
     suffixes=(".op4",),
     tested_against="pyYeti, MYSTRAN 18.0",
+    holds=frozenset({"recovery", "structural_damping"}),
     beside=beside,
     written_as=op4_written_as,
     writers={"write_component": write_component},
