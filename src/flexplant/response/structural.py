@@ -24,6 +24,7 @@ from flexplant.response.frequency import checked_frequencies
 
 DENSE_LIMIT = 400  # coordinates up to which a dense solution costs less than a sparse one of such full matrices
 DENSE_SHARE = 0.2  # stored entries of all matrices over n^2, above which they are full
+SINGULAR = 1e13  # growth of a solution beside its right side, in a scaled matrix, that only a singular one has
 
 
 def direct_response(
@@ -128,9 +129,13 @@ def _dense_solution(matrix: Any, right: Any) -> Any:
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("error", la.LinAlgWarning)
-            return scale[:, None] * la.solve(scale[:, None] * matrix * scale, scale[:, None] * right, assume_a="sym")
+            scaled, given = scale[:, None] * matrix * scale, scale[:, None] * right
+            found = la.solve(scaled, given, assume_a="sym")
     except (la.LinAlgError, la.LinAlgWarning):
-        raise SolverError(f"the matrix {matrix.shape} is singular at a frequency: leave 0 Hz out, or add damping") from None
+        found = None
+    if found is None or abs(found).max(initial=0.0) * abs(scaled).max() > SINGULAR * abs(given).max(initial=0.0):
+        raise SolverError(f"the matrix {matrix.shape} is singular at a frequency: leave 0 Hz out, or add damping")
+    return scale[:, None] * found
 
 
 def structural_response(plant: ModalPlant, frequency_hz: npt.ArrayLike, structural_damping: float) -> xr.DataArray:
