@@ -291,7 +291,8 @@ def test_estimate_comes_before_the_work_and_refuses():
     with pytest.raises(SolverError, match=r"would need .* GB held .* allowed") as caught:
         factorize(k, memory_limit=1e5)
     assert "\n" not in str(caught.value)
-    assert analyze(k, backend="superlu").estimate is None
+    with pytest.raises(SolverError, match="would need"):
+        factorize(k, backend="superlu", memory_limit=1e5)
 
 
 @pytest.mark.parametrize("backend", ["rslab", "superlu"])

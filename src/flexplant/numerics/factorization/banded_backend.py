@@ -69,19 +69,21 @@ class BandedFactor:
 
 @dataclass(frozen=True, eq=False)
 class IndefiniteFactor:
-    """See `Factor`: block L D L^T whose pivot blocks are factored with pivoting, beside: the blocks below them."""
+    """See `Factor`: block L D L^T, beside: A's blocks below the diagonal. pivots: each block of D factored with pivoting, and its
+    swaps; or, without swaps, the inverse of its Cholesky root."""
 
     order: IntArray
     ends: tuple[int, ...]
-    pivots: tuple[tuple[FloatArray, IntArray], ...]
+    pivots: tuple[tuple[FloatArray, IntArray | None], ...]
     beside: tuple[FloatArray, ...]
     backend: str = "banded"
 
     @cached_property
     def negative_pivots(self) -> int:
         """Inertia adds up over Schur complements (Haynsworth); a 2 x 2 pivot has one negative eigenvalue."""
-        single = sum(int(np.count_nonzero((p > 0) & (np.diagonal(d) < 0))) for d, p in self.pivots)
-        return single + sum(int(np.count_nonzero(p < 0)) // 2 for _, p in self.pivots)
+        swapped = [(d, p) for d, p in self.pivots if p is not None]
+        single = sum(int(np.count_nonzero((p > 0) & (np.diagonal(d) < 0))) for d, p in swapped)
+        return single + sum(int(np.count_nonzero(p < 0)) // 2 for _, p in swapped)
 
     @property
     def fill(self) -> int:
@@ -104,8 +106,11 @@ class IndefiniteFactor:
         return out.reshape(b.shape)
 
 
-def _solved(pivot: tuple[FloatArray, IntArray], right_side: FloatArray) -> FloatArray:
-    return np.asarray(lapack.dsytrs(*pivot, right_side, lower=1)[0]) if right_side.size else right_side
+def _solved(pivot: tuple[FloatArray, IntArray | None], right_side: FloatArray) -> FloatArray:
+    factored, swaps = pivot
+    if swaps is None:
+        return np.asarray(factored.T @ (factored @ right_side))
+    return np.asarray(lapack.dsytrs(factored, swaps, right_side, lower=1)[0]) if right_side.size else right_side
 
 
 @dataclass(frozen=True, eq=False)
@@ -184,44 +189,58 @@ class BandedAnalysis:
         if layout is None:
             return analyze(csr).factorize(csr)
         largest, blocks = float(abs(csr.data).max(initial=0.0)), layout.blocks(csr)
-        found = self._positive(blocks) or _indefinite(blocks, self.order, self.ends, largest)
+        inverses, beside = _roots(blocks)
+        if len(inverses) == len(blocks):
+            return self._positive(inverses, beside)
+        found = _indefinite(blocks, inverses, self.order, self.ends, largest)
         if found is None:  # as one block, pivots are chosen among all rows
             one = (0, self.order.size)
             whole = _Layout.of(csr, self.order, one)
-            found = None if whole is None else _indefinite(whole.blocks(csr), self.order, one, largest)
+            found = None if whole is None else _indefinite(whole.blocks(csr), [], self.order, one, largest)
         if found is None:
             raise SolverError(f"the matrix {matrix.shape} is singular (a pivot vanishes); shift it or remove mechanisms")
         return found
 
-    def _positive(self, blocks: list[tuple[FloatArray, FloatArray]]) -> BandedFactor | None:
-        """None where a pivot is not positive."""
-        lower: list[FloatArray] = []
-        upper: list[FloatArray] = []
-        beside = np.zeros((0, 0))
-        for i, (_, own) in enumerate(blocks):
-            root, failed = lapack.dpotrf(own - beside @ beside.T if i else own, lower=1, clean=1)
-            if failed:
-                return None
-            inverse = lapack.dtrtri(root, lower=1)[0]
-            lower.append(np.hstack([-inverse @ beside, inverse]) if i else np.ascontiguousarray(inverse))
-            beside = (blocks[i + 1][0] if i + 1 < len(blocks) else np.zeros((0, own.shape[0]))) @ inverse.T
-            upper.append(np.hstack([inverse.T, -(beside @ inverse).T]))
+    def _positive(self, inverses: list[FloatArray], beside: list[FloatArray]) -> BandedFactor:
+        lower, upper = [], []
+        for d, s, after in zip(inverses, [None, *beside], [*beside, None], strict=True):
+            lower.append(d if s is None else np.hstack([-d @ s, d]))
+            upper.append(np.ascontiguousarray(d.T) if after is None else np.hstack([d.T, -(after @ d).T]))
         natural = bool((np.diff(self.order) == 1).all())
         return BandedFactor(None if natural else self.order, self.ends, tuple(lower), tuple(upper))
 
 
+def _roots(blocks: list[tuple[FloatArray, FloatArray]]) -> tuple[list[FloatArray], list[FloatArray]]:
+    """D_i = L_ii^-1 and L_i+1,i of the leading blocks whose pivots are positive."""
+    inverses: list[FloatArray] = []
+    beside: list[FloatArray] = []
+    for i, (left, own) in enumerate(blocks):
+        if i:
+            beside.append(left @ inverses[-1].T)
+        root, failed = lapack.dpotrf(own - beside[-1] @ beside[-1].T if i else own, lower=1, clean=1)
+        if failed:
+            break
+        inverses.append(np.ascontiguousarray(lapack.dtrtri(root, lower=1)[0]))
+    return inverses, beside
+
+
 def _indefinite(
-    blocks: list[tuple[FloatArray, FloatArray]], order: IntArray, ends: tuple[int, ...], largest: float
+    blocks: list[tuple[FloatArray, FloatArray]],
+    inverses: list[FloatArray],
+    order: IntArray,
+    ends: tuple[int, ...],
+    largest: float,
 ) -> IndefiniteFactor | None:
-    """None where a pivot block is singular, or so near to it that the next one loses its digits."""
-    pivots: list[tuple[FloatArray, IntArray]] = []
-    for i, (beside, own) in enumerate(blocks):
-        pivot = own - beside @ _solved(pivots[-1], beside.T) if i else own
+    """Goes on where positive pivots end; None where a pivot block is singular, or so near to it that the next one loses its
+    digits."""
+    pivots: list[tuple[FloatArray, IntArray | None]] = [(d, None) for d in inverses]
+    for left, own in blocks[len(inverses) :]:
+        pivot = own - left @ _solved(pivots[-1], left.T) if pivots else own
         factored, swaps, failed = lapack.dsytrf(pivot, lower=1, lwork=LEAST * own.shape[0])
         if failed or not max(pivot.max(), -pivot.min()) <= GROWTH * largest or _vanishes(factored, swaps, TINY * largest):
             return None
         pivots.append((factored, swaps))
-    return IndefiniteFactor(order, ends, tuple(pivots), tuple(beside for beside, _ in blocks[1:]))
+    return IndefiniteFactor(order, ends, tuple(pivots), tuple(left for left, _ in blocks[1:]))
 
 
 def _vanishes(factored: FloatArray, swaps: IntArray, limit: float) -> bool:
