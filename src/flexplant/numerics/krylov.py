@@ -9,6 +9,7 @@ import numpy as np
 from scipy.linalg.blas import dgemm
 
 from flexplant.model.arrays import FloatArray
+from flexplant.numerics.products import product
 from flexplant.numerics.rank import EPS
 
 DEPENDENT = 1e-11  # of a block's size before it was made orthogonal: what is left below that is round-off
@@ -39,7 +40,7 @@ class Krylov:
         self.coupling = np.zeros((0, 0))
         self._local: tuple[FloatArray, ...] = ()  # M V of the newest blocks, at most two; none after a restart
         start = self._random_block(block)
-        image = mass @ start
+        image = product(mass, start)
         self._append(start, image, norms(start, image).max(initial=0.0))
 
     @property
@@ -49,26 +50,26 @@ class Krylov:
 
     def _random_block(self, columns: int) -> FloatArray:
         """Vectors in the range of the operator, so that they carry no massless part."""
-        return self.solve(self.mass @ self.random.standard_normal((self.basis.shape[0], columns)))
+        return self.solve(product(self.mass, self.random.standard_normal((self.basis.shape[0], columns))))
 
     def _purged(self, block: FloatArray, image: FloatArray) -> tuple[FloatArray, FloatArray]:
         """The block without its part in the basis, and M times it."""
         columns = self.basis[:, : self.size]
         block = minus(block, columns, columns.T @ image)
-        return block, self.mass @ block
+        return block, product(self.mass, block)
 
     def step(self) -> None:
         """W = OP V_j; orthogonal to the local blocks, which extends T, then to all; Q of W = Q B is the next block."""
         low, last, end = self.locked, self.last, self.size
-        mine = self._local[-1] if self._local else self.mass @ self.basis[:, last:end]
+        mine = self._local[-1] if self._local else product(self.mass, self.basis[:, last:end])
         block = self.solve(mine)
         if self._local:
             share = np.vstack([image.T @ block for image in self._local])
         else:
-            share = self.basis[:, low:end].T @ (self.mass @ block)
+            share = self.basis[:, low:end].T @ product(self.mass, block)
         first = end - share.shape[0]
         block = minus(block, self.basis[:, first:end], share)
-        image = self.mass @ block
+        image = product(self.mass, block)
         scale = float(np.hypot(np.linalg.norm(share, axis=0), norms(block, image)).max(initial=0.0))
         self.projection[first - low : end - low, last - low : end - low] = share
         self.projection[last - low : end - low, first - low : end - low] = share.T
@@ -96,7 +97,7 @@ class Krylov:
         """Random directions outside basis and q; fewer than needed, and `exhausted`, where the space has closed."""
         missing = self.block - q.shape[1]
         block = self._random_block(missing)
-        block_image = self.mass @ block
+        block_image = product(self.mass, block)
         limit = DEPENDENT * norms(block, block_image).max(initial=0.0)
         for _ in range(2):
             block, block_image = self._purged(block - q @ (image.T @ block), block_image)

@@ -11,6 +11,7 @@ import numpy as np
 from flexplant.errors import SolverError
 from flexplant.model.arrays import FloatArray, IntArray
 from flexplant.numerics.krylov import Krylov, norms
+from flexplant.numerics.products import product
 
 Progress: TypeAlias = Callable[[str, float], None]
 SEED = 20190811
@@ -91,7 +92,7 @@ def lanczos(
     vectors = space.vectors(theta, s)
     for start in range(0, vectors.shape[1], block):
         some = vectors[:, start : start + block]
-        some /= norms(some, mass @ some)
+        some /= norms(some, product(mass, some))
     return LanczosPairs(shift + 1 / theta, vectors, residual[pick] / abs(theta), blocks, restarts, closed)
 
 

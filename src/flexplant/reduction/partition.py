@@ -17,6 +17,7 @@ from flexplant.model.dofs import DofSet
 from flexplant.numerics.completion import completed
 from flexplant.numerics.eigen import Pencil
 from flexplant.numerics.factorization import Analysis, Factor, analyze, factorize, refuse_above
+from flexplant.numerics.products import product
 from flexplant.reduction.mechanism import described
 
 GROUPED = 20_000  # unknowns from which an ordering by nodes repays the pattern it needs
@@ -91,7 +92,7 @@ class Partition:
     @cached_property
     def inertia_load(self) -> FloatArray:
         """S = Mii Psi + Mib, (n_i, n_b): interior inertia forces of unit boundary accelerations."""
-        return np.asarray(self.mii @ self.constraint_modes) + dense(self.mass[1])
+        return product(self.mii, self.constraint_modes) + dense(self.mass[1])
 
     @cached_property
     def analysis(self) -> Analysis:
@@ -104,7 +105,8 @@ class Partition:
         """The banded analysis where no backend was asked for, and a small matrix takes little time and memory by it."""
         if self.backend is not None or self.i.size > SMALL:
             return None
-        analysis = analyze(self.kii, backend="banded")
+        refuse_above(None, self.memory_limit)  # a limit that is no number
+        analysis = analyze(self.kii, backend="banded", threads=self.threads)
         estimate = analysis.estimate
         if estimate is None or estimate.flops > FEW_FLOPS:
             return None
@@ -172,7 +174,7 @@ class Partition:
     def condensed(self, kind: str) -> FloatArray:
         """(n_b, n_b) "mass" or "stiffness" projected on [I; Psi]: Abb + Abi Psi + Psi^T (Aib + Aii Psi)."""
         psi, (_, aib, abb) = self.constraint_modes, self.mass if kind == "mass" else self.stiffness
-        inner = self.inertia_load if kind == "mass" else np.asarray(self.kii @ psi) + dense(aib)
+        inner = self.inertia_load if kind == "mass" else product(self.kii, psi) + dense(aib)
         return symmetric(dense(abb) + aib.T @ psi + psi.T @ inner)
 
 
