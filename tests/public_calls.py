@@ -301,9 +301,10 @@ def files(model: fp.FiniteElementModel, part: fp.Component, plant: fp.ModalPlant
     (folder / "test.uff").write_text(HEAD + MODE)
     np.savez(folder / "plate.npz", M=np.eye(1), K=np.eye(1))
     (folder / "plate.yaml").write_text("matrices: {mass: M, stiffness: K}\nboundary: [[7, '1']]\nmodal: 0\nunits: SI\n")
-    kind, new = {"format": None, "units": None}, folder / "new.npz"
+    kind, new, over = {"format": None, "units": None}, folder / "new.npz", {"overwrite": True}
+    put = {"read_options": None, "drop": [], **over}
     return {
-        "convert": (fp.convert, {"path": folder / "c.npz", "target": new, "name": "n", **kind}),
+        "convert": (fp.convert, {"path": folder / "c.npz", "target": new, "name": "n", **kind, **put}),
         "inspect": (fp.inspect, {"path": folder / "c.npz", **kind}),
         "plausibility": (fp.plausibility, {"model": part, "found": None}),
         "read_component": (fp.read_component, {"path": folder / "c.npz", "name": "n", "damping": 0.01, **kind}),
@@ -315,15 +316,15 @@ def files(model: fp.FiniteElementModel, part: fp.Component, plant: fp.ModalPlant
         "read_reference": (fp.read_reference, {"path": folder / "test.uff", "component": "bus"}),
         "read_response_functions": (fp.read_response_functions, {"path": folder / "test.uff"}),
         "read_results": (fp.read_results, {"path": folder / "r.nc"}),
-        "write_component": (fp.write_component, {"component": part, "path": new, "basis": False}),
-        "write_model": (fp.write_model, {"model": model, "path": folder / "new_model.npz"}),
-        "write_plant": (fp.write_plant, {"plant": plant, "path": folder / "new_plant.npz"}),
+        "write_component": (fp.write_component, {"component": part, "path": new, "basis": False, **over}),
+        "write_model": (fp.write_model, {"model": model, "path": folder / "new_model.npz", **over}),
+        "write_plant": (fp.write_plant, {"plant": plant, "path": folder / "new_plant.npz", "sources": [], **over}),
         "write_plant as C": (fp.write_plant, {"plant": plant, "path": folder / "w.c", "dt": 1e-3, "hold": "zero", "name": "n"}),
         "write_plant as FMU": (
             partial(fp.write_plant, binary=False),
             {"plant": plant, "path": folder / "w.fmu", "version": 3, "arrays": True, "dt": 0.1, "name": "n"},
         ),
-        "write_results": (fp.write_results, {"results": gain, "path": folder / "w.nc"}),
+        "write_results": (fp.write_results, {"results": gain, "path": folder / "w.nc", **over}),
         "run_study": (fp.run_study, {"path": "study.yaml", "output": None, "allow_outside": False, "progress": None}),
         "example_study": (fp.example_study, {"name": "shocksat"}),
     }

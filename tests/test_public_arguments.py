@@ -25,7 +25,7 @@ WRONG: dict[str, Any] = {
     "text": "nosuch",
     "blank": "",
     "lines": "a\nb",
-    "long": "x" * 50_000,
+    "long": "x" * 2_000,
     "-1": -1,
     "0": 0,
     "1.5": 1.5,
@@ -56,9 +56,9 @@ ModalPlant: shape_out shape_out_velocity shape_out_acceleration damping static_c
 modal_plant: n_modes; modal_plant of modes: modes; from_control: inputs outputs; from_scipy: inputs outputs;
 GainSweep at: out; white_noise_rms: intensity; frequency_response: out; line_of_sight_diagram: plant;
 simulate: inputs progress initial; simulate tones: inputs progress initial; simulate_stream: inputs initial;
-gain: inputs outputs; renamed: inputs outputs; convert: format units; inspect: format units; plausibility: found;
-read_component: format units; read_display_mesh: format units; read_geometry: format; read_model: format units;
-run_study: progress
+gain: inputs outputs; renamed: inputs outputs; convert: format units read_options; inspect: format units;
+plausibility: found; read_component: format units; read_display_mesh: format units; read_geometry: format;
+read_model: format units; run_study: progress
 [text, long]
 Component: name units; FiniteElementModel: name units; Recovery: name; UnitSystem: name; Reference: source;
 ModalPlant: name; modal_plant: name; descriptor: name; Descriptor: name; StateSpace: name; from_scipy: name; Diagram: name;
@@ -72,7 +72,12 @@ rubin: recover loads; with_dampers: dampers; couple: connections; Modes: labels;
 Reference: names; ModalPlant: input_units output_units; modal_plant: inputs outputs; modal_plant of modes: inputs outputs;
 descriptor: inputs outputs; Descriptor: input_units output_units; StateSpace: input_units output_units;
 structural_frequency_response: inputs outputs; line_of_sight_diagram: signals; gain: input_units output_units;
-user_block: input_units output_units
+user_block: input_units output_units; convert: drop; write_plant: sources
+[true]
+craig_bampton: keep_basis error_estimate; guyan: keep_basis; rubin: keep_basis error_estimate; Check: passed;
+modal_plant: static_correction; reduce_modes: static_correction; random_response: cross; Diagram: allow_algebraic_loops;
+line_of_sight_diagram: closed commands; convert: overwrite; write_component: basis overwrite; write_model: overwrite;
+write_plant: overwrite; write_plant as FMU: arrays; write_results: overwrite; run_study: allow_outside
 [1.5, 1e30]
 with_equivalent_viscous_damping: frequency_hz; UnitSystem: length mass mass_factor;
 craig_bampton by size: max_frequency_hz; discretize: dt; adaptive_grid: high_hz; wheel_speed_sweep: omega_hz;
@@ -85,10 +90,6 @@ Reference: rigid_below_hz; verify: frequency_tolerance mac_minimum; ModalPlant: 
 balanced_truncation to: tolerance; singular_values: frequency_hz; structural_frequency_response: frequency_hz;
 frequency_response: frequency_hz; frequency_response_blocks: frequency_hz; LineOfSight: mirror_zeta; pade_delay: seconds;
 steering_mirror: zeta
-[true]
-craig_bampton: keep_basis error_estimate; guyan: keep_basis; rubin: keep_basis error_estimate; Check: passed;
-modal_plant: static_correction; reduce_modes: static_correction; random_response: cross; Diagram: allow_algebraic_loops;
-line_of_sight_diagram: closed commands; write_component: basis; write_plant as FMU: arrays; run_study: allow_outside
 [text, blank, long]
 Recovery: units; summing_junction: unit; pade_delay: unit; sample_delay: unit; pid: input_unit output_unit;
 dead_zone: unit; saturation: unit; quantiser: unit; rate_limiter: unit; transfer_function: input_unit output_unit

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from flexplant.errors import InputError, PlausibilityWarning, ReadError
-from flexplant.io.output import read_plant, without, write_component, write_model, write_plant
+from flexplant.io.output import dropped, read_plant, without, write_component, write_model, write_plant
 from flexplant.io.parse.files import as_path
 from flexplant.io.parse.own_plant import Plant
 from flexplant.io.plausibility import Model, first_frequencies, plausibility, quantities
@@ -63,6 +63,9 @@ def convert(
     """
     if as_path(target).resolve() == as_path(path).resolve():
         raise InputError(f"{path} is that file already; name another target")
+    drop = dropped(drop)
+    if not (read_options is None or isinstance(read_options, Mapping)):
+        raise InputError(f"convert: read_options must be a mapping such as {{'superelement': 101}}, got {read_options!r:.60}")
     options = dict(read_options or {}) | ({} if name is None else {"name": name})
     value = read_any(path, format=format, units=units, **options)
     if isinstance(value, Component):

@@ -73,8 +73,10 @@ def check_target(what: str, path: str | Path, sources: Iterable[str | Path] = ()
 def _write(
     what: str, value: Any, path: str | Path, options: dict[str, Any], overwrite: bool, sources: Iterable[str | Path] = ()
 ) -> Path:
-    path = as_path(path)
-    chosen = check_target(what, path, [*sources, *files_of(value)], overwrite=overwrite)
+    path, listed = as_path(path), items_of(sources)
+    if listed is None:
+        raise InputError(f"{what}: sources must be a list of paths, got {sources!r:.60}")
+    chosen = check_target(what, path, [*map(as_path, listed), *files_of(value)], overwrite=overwrite)
     writer = chosen.writers[what]
     check_options(writer, options, f"format {chosen.name!r}", hidden="target")
     own_path = {"target": path} if "target" in inspect.signature(writer).parameters else {}
@@ -119,11 +121,17 @@ def _extras(component: Component) -> list[tuple[str, str]]:
     return found + ([("recovery rates", f"velocity and acceleration rows of the recovery {', '.join(rates)}")] if rates else [])
 
 
+def dropped(drop: Iterable[str]) -> list[str]:
+    """The words of `drop`; InputError for one that is no part of a component that may be left out."""
+    listed = items_of(drop)
+    if listed is None or (wrong := [word for word in listed if not isinstance(word, str) or word not in DROPPED]):
+        raise InputError(f"drop takes a list of {', '.join(DROPPED)}, got {drop if listed is None else wrong[0]!r:.60}")
+    return listed
+
+
 def without(component: Component, drop: Iterable[str]) -> Component:
     """The component without its "recovery", "interior" DOF or "structural_damping"; InputError for other words."""
-    listed = items_of(drop)
-    if listed is None or (wrong := [word for word in listed if word not in DROPPED]):
-        raise InputError(f"drop takes a list of {', '.join(DROPPED)}, got {drop if listed is None else wrong[0]!r:.60}")
+    listed = dropped(drop)
     empty: dict[str, Any] = {"recovery": {}, "interior": (), "structural_damping": None}
     given = {word: empty[word] for word in listed} | ({"interior_rows": None} if "interior" in listed else {})
     return replace(component, **given)
