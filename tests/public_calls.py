@@ -7,7 +7,6 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-import control
 import numpy as np
 import scipy.signal
 from structures import frame_model
@@ -147,6 +146,8 @@ def systems(part: fp.Component, held: fp.System, modes: fp.Modes) -> dict[str, C
 
 
 def plants(held: fp.System, modes: fp.Modes, plant: fp.ModalPlant) -> dict[str, Call]:
+    import control  # takes a second, which collecting tests need not wait for
+
     one = [[1.0]]
     shapes = {"shape_in": one, "shape_out": one, "shape_out_velocity": one, "shape_out_acceleration": one}
     direct = {"damping": one, "static_correction": one, "feedthrough": one, "report": {}}
