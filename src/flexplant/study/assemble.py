@@ -24,10 +24,12 @@ def read_components(study: StudySpec, folder: Path) -> tuple[Component, ...]:
 def _read(name: str, spec: ComponentSpec, study: StudySpec, folder: Path) -> Component:
     shared = study.damping.ratio if study.damping is not None and study.damping.on == "components" else None
     damping = spec.damping if spec.damping is not None else shared
+    given: dict[str, Any] = {"format": spec.format, "name": name, "units": file_units(spec)}
+    given |= {str(option): value for option, value in spec.options.items()}
     if spec.reduce is None:
-        return read_component(folder / spec.file, format=spec.format, name=name, damping=damping, units=file_units(spec))
-    options = {} if spec.geometry is None else {"geometry": folder / spec.geometry}
-    model = read_model(folder / spec.file, format=spec.format, name=name, units=file_units(spec), **options)
+        return read_component(folder / spec.file, damping=damping, **given)
+    options: dict[str, Any] = {} if spec.geometry is None else {"geometry": folder / spec.geometry}
+    model = read_model(folder / spec.file, **given, **options)
     how = spec.reduce
     return craig_bampton(
         model,

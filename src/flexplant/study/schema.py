@@ -79,7 +79,12 @@ class ComponentSpec(Section):
     )
     placement: PlacementSpec | None = Field(default=None, description="rotation and translation; left out: not moved")
     reduce: ReduceSpec | None = Field(default=None, description="the file holds an unreduced model: reduce it like this")
-    geometry: StudyPath | None = Field(default=None, description="deck with the node positions that an unreduced model lacks")
+    geometry: StudyPath | None = Field(
+        default=None, description="deck or listing with the node positions that an unreduced model lacks"
+    )
+    options: dict[Literal["superelement", "part", "node"], int] = Field(
+        default={}, description="what the format asks for: which superelement or part of several, the id of an ExtPtfm node"
+    )
 
 
 class ConnectionSpec(Section):

@@ -27,8 +27,11 @@ def sniff(head: bytes, path: Path) -> bool:  # noqa: ARG001  every sniff functio
     return binary_kind(head) == ".full"
 
 
-def read_model(path: Path, *, name: str | None = None, coordinates: str | Path | None = None) -> FiniteElementModel:
-    """The model of the free DOF; coordinates: NLIST's listing, or a table "node x y z"."""
+def read_model(
+    path: Path, *, name: str | None = None, coordinates: str | Path | None = None, geometry: str | Path | None = None
+) -> FiniteElementModel:
+    """The model of the free DOF; coordinates (or geometry, as in studies): NLIST's listing, or a table "node x y z"."""
+    coordinates = geometry if coordinates is None else coordinates
     found = read_full(path)
     others = () if coordinates is None else (Path(coordinates),)
     source = provenance(path, FORMAT.name, __name__, others)

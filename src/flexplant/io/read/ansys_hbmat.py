@@ -46,13 +46,14 @@ def read_model(
     mass: str | Path | None = None,
     mapping: str | Path | None = None,
     coordinates: str | Path | None = None,
+    geometry: str | Path | None = None,
 ) -> FiniteElementModel:
     """The model from its stiffness file.
 
     mass: its file, None for the name with "mass" in place of "stiff". mapping: `.mapping` or `.csv`. coordinates: a table
     "node x y z" (NLIST or *VWRITE), None for the positions of the `.csv`, if any.
     """
-    given = _parts(path, name, mass, mapping, coordinates)
+    given = _parts(path, name, mass, mapping, geometry if coordinates is None else coordinates)
     return listed_model(**given)
 
 
@@ -63,9 +64,10 @@ def read_component(
     mass: str | Path | None = None,
     mapping: str | Path | None = None,
     coordinates: str | Path | None = None,
+    geometry: str | Path | None = None,
 ) -> Component:
     """A superelement (HBMAT of a `.sub`): the rows of the table with direction 0 are modal; arguments as `read_model`."""
-    given = _parts(path, name, mass, mapping, coordinates)
+    given = _parts(path, name, mass, mapping, geometry if coordinates is None else coordinates)
     return listed_component(**given)
 
 

@@ -34,11 +34,14 @@ def read_model(
     mass: str | Path | None = None,
     mapping: str | Path | None = None,
     coordinates: str | Path | None = None,
+    geometry: str | Path | None = None,
 ) -> FiniteElementModel:
     """The model from its stiffness file; the other files are found by name where "StiffnessMatrixSparse" is in this one's.
 
-    mass, mapping, coordinates: their files (…MassMatrixSparse, …MatrixDofMappingVector, …NodalCoordinates).
+    mass, mapping, coordinates (or geometry, as in studies): their files (…MassMatrixSparse, …MatrixDofMappingVector,
+    …NodalCoordinates).
     """
+    coordinates = geometry if coordinates is None else coordinates
     mass_file = partner(path, mass, STIFFNESS, "MassMatrixSparse", "mass")
     mapping_file = partner(path, mapping, STIFFNESS, "MatrixDofMappingVector", "mapping")
     placed = Path(coordinates) if coordinates is not None else maybe_partner(path, STIFFNESS, "NodalCoordinates")
