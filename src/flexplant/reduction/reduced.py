@@ -102,6 +102,15 @@ def expand(component: Component, coordinates: npt.ArrayLike) -> FloatArray:
     return np.asarray(reduced.basis @ p)
 
 
+def can_estimate(component: Component) -> bool:
+    """Whether the component's reduction kept what `residual_products` needs."""
+    return (
+        isinstance(component, ReducedComponent)
+        and component.error_rows is not None
+        and component.units == component.reduced_units
+    )
+
+
 def residual_products(component: Component, coordinates: npt.ArrayLike) -> FloatArray:
     """G = (L p)^T (L p), (k, k), of modes p (n, k): at a frequency w their residuals' energies are w^4 G / (1 - w^2 / w_c^2).
 

@@ -13,10 +13,12 @@ from flexplant.model.arrays import FloatArray, dense, is_finite
 from flexplant.model.component import Component
 from flexplant.modes import Modes, expect_modes_of, normal_modes
 from flexplant.numerics.rank import lowest_eigenvalue, split_semidefinite
+from flexplant.verification.agreement import agreement_checks
 from flexplant.verification.checks import Check, CheckReport, Table
 from flexplant.verification.comparison import as_reference, compare_modes
 from flexplant.verification.free_free import ENERGY_LIMIT, free_free
 from flexplant.verification.mass import MassProperties, combined, mass_properties
+from flexplant.verification.reduction_range import reduction_range
 from flexplant.verification.rigid_body import DIRECTION_NAMES, blocked_directions, strain_energy
 
 DEFINITE_LIMIT = -1e-8  # smallest eigenvalue of a matrix scaled to unit diagonal; single-precision files reach about -1e-9
@@ -31,24 +33,31 @@ def verify(
     frequency_tolerance: float = 1e-3,
     mac_minimum: float = 0.9,
     modes: Modes | None = None,
+    max_frequency_hz: float | None = None,
+    reduction_error: float = 0.01,
 ) -> CheckReport:
-    """Check a coupled system: rigid-body modes, energy, definiteness, mass, compatibility, and a reference.
+    """Check a coupled system: rigid-body modes, energy, definiteness, mass, compatibility, reductions, and a reference.
 
     rigid_body_modes: expected number (0 for a clamped system). reference: frequencies in Hz, Modes or `Reference`, compared
     within `frequency_tolerance` (relative) and `mac_minimum`. modes: spare a second solution where they are known.
+    max_frequency_hz: what the system is to serve; components reduced here must be complete up to there, and the frequency errors
+    that `estimate_error` finds stay within `reduction_error` (relative). Of other components a note says what they suggest.
     Raises InputError for a negative count; a failed check is a value, see `CheckReport.raise_if_failed`.
     """
     if not isinstance(system, System):
         raise InputError(f"verify takes a coupled System, got {type(system).__name__}; couple it first, or use check_component")
     expect_count(rigid_body_modes, "rigid_body_modes")
-    for name, limit in (("frequency_tolerance", frequency_tolerance), ("mac_minimum", mac_minimum)):
+    limits = {"frequency_tolerance": frequency_tolerance, "mac_minimum": mac_minimum, "reduction_error": reduction_error}
+    for name, limit in limits.items():
         if not is_finite(limit) or limit < 0:
             raise InputError(f"verify: {name} must be a finite number from 0, got {limit!r:.60}")
     reference = None if reference is None else as_reference(reference)
+    if max_frequency_hz is not None and not (is_finite(max_frequency_hz) and max_frequency_hz > 0):
+        raise InputError(f"verify: max_frequency_hz must be positive and finite, got {max_frequency_hz!r:.60}")
     if modes is None:
         modes = normal_modes(system, n_modes=None if system.n <= DENSE_CHECK else rigid_body_modes + 20)
     expect_modes_of(modes, system, "verify")
-    checks: list[Check] = [_count(system, modes, rigid_body_modes), *_matrices(system)]
+    checks: list[Check] = [_count(system, modes, rigid_body_modes), *agreement_checks(system), *_matrices(system)]
     tables: list[Table] = []
     notes = [f"redundant constraints left out: {', '.join(system.redundant[:12])}"] if system.redundant else []
     if system.has_geometry:
@@ -61,6 +70,8 @@ def verify(
         f"{r.connection.name}: nodes up to {r.gap:.4g} apart ({r.connection.offset})" for r in system.connections if r.gap > 0
     ]
     checks.append(_residual(modes))
+    reductions = reduction_range(system, modes, max_frequency_hz, reduction_error)
+    checks, tables, notes = checks + reductions.checks, tables + reductions.tables, notes + reductions.notes
     if reference is not None:
         comparison = compare_modes(system, modes, reference)
         tables.append(comparison.table)
