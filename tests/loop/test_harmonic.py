@@ -234,7 +234,8 @@ def test_labels_are_those_that_xarray_makes():
     wheel = Wheel(amplitude=1.0, harmonics=[1.0], inputs=[f"u{k}" for k in range(6)])
     found = wheel_speed_sweep(system, wheel, speeds)
     data = {name: (found[name].dims, found[name].values) for name in ("rms", "amplitude")}
-    made = xr.Dataset(data, coords={"output": list(system.outputs), "omega_hz": speeds, "harmonic": [1.0]})
+    units = ("output", list(system.output_units))
+    made = xr.Dataset(data, {"output": list(system.outputs), "omega_hz": speeds, "harmonic": [1.0], "output_units": units})
     assert found.identical(made)
     assert found.sel(output="y3", omega_hz=2.0).rms == made.rms[5, 1]
 

@@ -220,7 +220,7 @@ def test_random_errors(psd, hz, message):
 
 
 def test_interpolation_errors():
-    with pytest.raises(InputError, match="'linear' or 'log', got 'cubic'"):
+    with pytest.raises(InputError, match="interpolation='cubic' is not a choice"):
         random_response(ONE, {"f": 1.0}, [1, 2], interpolation="cubic")
     with pytest.raises(InputError, match="above zero"):
         random_response(ONE, {"f": ([0, 2], [1, 1])}, [1, 2], interpolation="log")

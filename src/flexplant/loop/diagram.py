@@ -91,6 +91,16 @@ class Diagram:
         return nonlinear or len(set(_sample_times(self.blocks).values())) > 1
 
     @property
+    def input_units(self) -> tuple[str, ...]:
+        """Unit text of each external input, as far as the ports that it drives have one."""
+        return tuple(self.wiring.external_units)
+
+    @property
+    def output_units(self) -> tuple[str, ...]:
+        """Unit text of each external output."""
+        return tuple(self.wiring.output_units[k] for k in self.wiring.readout)
+
+    @property
     def rates(self) -> str:
         """Each block's sample time in words, for messages."""
         times = _sample_times(self.blocks)

@@ -58,8 +58,15 @@ def _labelled(system: Diagram, hz: FloatArray, values: ComplexArray) -> xr.DataA
     return xr.DataArray(
         values,
         dims=("output", "input", "frequency"),
-        coords={"output": list(system.outputs), "input": list(system.inputs), "frequency": hz},
+        coords={
+            "output": list(system.outputs),
+            "input": list(system.inputs),
+            "frequency": ("frequency", hz, {"units": "Hz"}),
+            "output_units": ("output", list(system.output_units)),
+            "input_units": ("input", list(system.input_units)),
+        },
         name="frequency_response",
+        attrs={"plant": system.name},
     )
 
 

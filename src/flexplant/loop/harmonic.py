@@ -38,7 +38,11 @@ def harmonic_response(system: Linear, tones: Tones) -> xr.DataArray:
     return xr.DataArray(
         np.einsum("oif,if->of", G, amplitude),
         dims=("output", "frequency"),
-        coords={"output": list(system.outputs), "frequency": tones.frequency_hz},
+        coords={
+            "output": list(system.outputs),
+            "frequency": ("frequency", tones.frequency_hz, {"units": "Hz"}),
+            "output_units": ("output", list(system.output_units)),
+        },
         name="harmonic_response",
     )
 
@@ -85,7 +89,7 @@ def _sweep(system: Linear, wheel: Wheel, speeds: FloatArray) -> xr.Dataset:
             "rms": (("output", "omega_hz"), np.sqrt((Y.real**2 + Y.imag**2).sum(axis=1) / 2)),
             "amplitude": (("output", "harmonic", "omega_hz"), Y),
         },
-        coords=coordinates(output=list(system.outputs), omega_hz=speeds, harmonic=harmonics),
+        coords=coordinates(system.output_units, output=list(system.outputs), omega_hz=speeds, harmonic=harmonics),
     )
 
 

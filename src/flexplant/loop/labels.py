@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 import numpy.typing as npt
 import xarray as xr
 from xarray.indexes import PandasIndex
 
 
-def coordinates(**labels: npt.ArrayLike) -> xr.Coordinates:
-    """Dimension coordinates by name, as `xarray.Dataset` makes them from lists of numbers or texts."""
-    variables, indexes = {}, {}
+def coordinates(output_units: Sequence[str], **labels: npt.ArrayLike) -> xr.Coordinates:
+    """Dimension coordinates by name, as `xarray.Dataset` makes them from lists of numbers or texts, and the outputs' units."""
+    variables, indexes = {"output_units": xr.Variable(("output",), list(output_units))}, {}
     for name, values in labels.items():
         given = np.asarray(values)
         index = PandasIndex(given.astype(object) if given.dtype.kind == "U" else given, name, coord_dtype=given.dtype)

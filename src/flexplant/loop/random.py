@@ -66,7 +66,11 @@ def random_response(
         S: Any = spectra.at_hz
         through: Any = G * np.sqrt(S) if S.ndim == 2 else np.einsum("oif,ijf->ojf", G, _root(S))
         data["cross"] = (("output", "output_2", "frequency"), np.einsum("ouf,puf->opf", through, through.conj()))
-    coords = {"output": list(system.outputs), "frequency": ("frequency", hz, {"units": "Hz"})}
+    coords = {
+        "output": list(system.outputs),
+        "frequency": ("frequency", hz, {"units": "Hz"}),
+        "output_units": ("output", list(system.output_units)),
+    }
     return xr.Dataset(data, coords=coords, attrs={"plant": system.name})
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 import numpy.typing as npt
@@ -11,7 +11,6 @@ import xarray as xr
 from flexplant.blocks.tones import Tones, tone_signal
 from flexplant.errors import InputError, expect_count, expect_function, nearest
 from flexplant.loop.cascade import Cascade, Simulated, simulated
-from flexplant.loop.diagram import Diagram
 from flexplant.loop.loop_recursion import recursion_of
 from flexplant.loop.recursion import Progress, march
 from flexplant.loop.runner import Initial, checked_cascade, initial_state, is_hybrid, runner_of
@@ -122,7 +121,7 @@ def _kept(outputs: Sequence[str] | None, known: list[str]) -> list[str]:
 def _dataset(
     system: Simulated, t: FloatArray, w: FloatArray, z: FloatArray, kept: list[str], final: FloatArray, every: int
 ) -> xr.Dataset:
-    units_in, units_out = channel_units(system)
+    units = dict(zip(system.outputs, system.output_units, strict=True))
     at = "time" if every == 1 else "output_time"
     times = {} if every == 1 else {"output_time": ("output_time", t[::every], {"units": "s"})}
     return xr.Dataset(
@@ -132,18 +131,8 @@ def _dataset(
             **times,
             "output": kept,
             "input": list(system.inputs),
-            "output_units": ("output", [units_out[name] for name in kept]),
-            "input_units": ("input", [units_in[name] for name in system.inputs]),
+            "output_units": ("output", [units[name] for name in kept]),
+            "input_units": ("input", list(system.input_units)),
         },
         attrs={"plant": system.name},
     )
-
-
-def channel_units(system: Simulated) -> tuple[Mapping[str, str], Mapping[str, str]]:
-    """Unit text of each input and of each output, by name."""
-    if not isinstance(system, Diagram):
-        pairs = ((system.inputs, system.input_units), (system.outputs, system.output_units))
-        return dict(zip(*pairs[0], strict=True)), dict(zip(*pairs[1], strict=True))
-    wiring = system.wiring
-    read = [wiring.output_units[k] for k in wiring.readout]
-    return dict(zip(system.inputs, wiring.external_units, strict=True)), dict(zip(system.outputs, read, strict=True))
