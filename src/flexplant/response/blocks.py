@@ -44,7 +44,13 @@ def _choose_loops(w, poles, tiles, start, stop, size, blocks):  # type: ignore[n
         for k in range(nodes - 1, -1, -1):
             low, high, plain = w[g, start[k]], w[g, stop[k] - 1], size[k] * n * row
             margin = 0.5 * (REACH - 1) * (high - low)
-            near[k, 0], near[k, 1] = np.searchsorted(poles, low - margin), np.searchsorted(poles, high + margin, side="right")
+            for side in range(2):  # the first pole from low - margin on, and the first beyond high + margin
+                first, last = 0, n
+                while first < last:
+                    middle = (first + last) // 2
+                    below = poles[middle] <= high + margin if side else poles[middle] < low - margin
+                    first, last = (middle + 1, last) if below else (first, middle)
+                near[k, side] = first
             smooth = size[k] * ((near[k, 1] - near[k, 0]) * row + STRIP * (tiles + 1)) + n * row + STRIP * tiles
             if plain <= smooth or high <= low:
                 near[k, 0], near[k, 1], smooth = 0, n, plain
@@ -56,7 +62,8 @@ def _choose_loops(w, poles, tiles, start, stop, size, blocks):  # type: ignore[n
             if divided[k]:
                 k = 2 * k + 1
                 continue
-            blocks[found] = (g * count + start[k], g * count + stop[k], near[k, 0], near[k, 1], 0, 0)
+            blocks[found, 0], blocks[found, 1] = g * count + start[k], g * count + stop[k]
+            blocks[found, 2], blocks[found, 3] = near[k, 0], near[k, 1]
             blocks[found, 4], blocks[found, 5] = g * tiles * ROWS, (g + 1) * tiles * ROWS
             found += 1
             while k and k % 2 == 0:
