@@ -10,6 +10,7 @@ from typing import Any, TypeAlias
 import numpy as np
 import scipy.sparse as sp
 
+from flexplant.assembly.agreement import check_units, warn_of_long_links
 from flexplant.assembly.connection import GROUND, Connection
 from flexplant.assembly.constraints import Resolved, Row, duplicates, resolve
 from flexplant.assembly.system import METHODS, System, component_rigid_body
@@ -38,6 +39,7 @@ def couple(
     placements: by component name, x_system = rotation @ x_component + translation.
     Raises CouplingError for unknown names, missing or doubly coupled DOF, ambiguous positions, contradictory
     constraints (rows that strain a rigid-body motion, or that together lock a DOF nobody grounded) and clashing units.
+    Warns (`PlausibilityWarning`) where only some components state their units, and of rigid links longer than what they join.
     """
     if not isinstance(method, str) or method not in METHODS:
         raise CouplingError(f"method {method!r:.60}: use 'dual' or 'primal'." + nearest(method, METHODS))
@@ -51,8 +53,10 @@ def couple(
             raise CouplingError(f"placements: no component is called {name!r}." + nearest(name, by_name))
         if not isinstance(placements[name], Placement):
             raise CouplingError(f"placements: {name!r} needs a Placement, got {type(placements[name]).__name__}")
-    _check_units(parts)
-    return assembled(parts, placements, [resolve(c, by_name, placements) for c in _distinct(connections)], method)
+    check_units(parts)
+    resolved = [resolve(c, by_name, placements) for c in _distinct(connections)]
+    warn_of_long_links(resolved, by_name)
+    return assembled(parts, placements, resolved, method)
 
 
 def assembled(
@@ -116,13 +120,6 @@ def _named(components: Sequence[Component] | Mapping[str, Component]) -> tuple[C
 
 def _copy(component: Component, name: str) -> Component:
     return replace(component, name=check_name(name, "component")) if isinstance(component, Component) else component
-
-
-def _check_units(parts: Sequence[Component]) -> None:
-    systems = {c.units: c.name for c in parts}
-    if len(systems) > 1:
-        shown = ", ".join(f"{name!r} in {units}" for units, name in systems.items())
-        raise CouplingError(f"units clash: {shown}; convert while reading with units=... (component_to_si)")
 
 
 def _distinct(connections: Iterable[Connection]) -> list[Connection]:

@@ -24,7 +24,8 @@ from flexplant.io.recovery_units import recovery_in_si
 from flexplant.model.component import Component, FiniteElementModel, check_name
 from flexplant.model.damping import DampingRatio, with_modal_damping
 from flexplant.model.display import DisplayMesh
-from flexplant.model.units import SI, UnitSystem, component_to_si, model_to_si, unit_system
+from flexplant.model.units import SI, UNSTATED, UnitSystem, component_to_si, model_to_si, unit_system
+from flexplant.reduction.reduced import ReducedComponent
 
 Units = str | UnitSystem | tuple[float, float]
 
@@ -99,15 +100,28 @@ def _unit_choice(stated: Any, asked: Units | None, path: str | Path) -> UnitSyst
 
 
 def _labelled(model: Any, chosen: UnitSystem | None) -> Any:
-    label = chosen.name if chosen else "not stated: numbers as in the file"
-    return replace(model, source={**model.source, "units": label})
+    """The model with what is known of its units: a file that states none leaves them so, and is not taken to be in SI."""
+    if chosen:
+        return replace(model, source={**model.source, "units": chosen.name})
+    units = UNSTATED if model.units == SI.name else model.units
+    return replace(model, units=units, source={**model.source, "units": f"{UNSTATED}: numbers as in the file"})
+
+
+def _said_to_be_si(component: Component) -> Component:
+    """The same numbers, which the caller says are in SI."""
+    if component.units == SI.name:
+        return component
+    if isinstance(component, ReducedComponent) and component.reduced_units == component.units:
+        return replace(component, units=SI.name, reduced_units=SI.name)
+    return replace(component, units=SI.name)
 
 
 def _component_in_si(component: Component, units: UnitSystem) -> Component:
     """Converted, rows of recovery of a known quantity included: our display (translations), and Nastran's sets."""
     si = replace(units, name=SI.name) == SI
-    converted = component if si else component_to_si(component, units)
-    if str(component.source.get("format", "")).startswith("flexplant"):  # its rows say what they are
+    converted = _said_to_be_si(component) if si else component_to_si(component, units)
+    ours = str(component.source.get("format", "")).startswith("flexplant")
+    if ours and component.units != UNSTATED:  # its rows say what they are
         return converted
     ids = frozenset(np.asarray(converted.modal_ids).tolist())
     rows = {name: recovery_in_si(r, units, ids) for name, r in converted.recovery.items()}

@@ -41,6 +41,7 @@ class UnitSystem:
         return self.mass * self.length
 
 
+UNSTATED = "not stated"  # `units` of a component or model from a file that does not say; numbers as in the file
 INCH, POUND_FORCE, GRAVITY = 0.0254, 4.4482216152605, 9.80665
 SI = UnitSystem("SI", 1.0, 1.0)
 UNIT_SYSTEMS = {

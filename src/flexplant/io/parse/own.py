@@ -22,6 +22,7 @@ from flexplant.model.arrays import Matrix, frozen
 from flexplant.model.component import Component, FiniteElementModel
 from flexplant.model.geometry import Nodes
 from flexplant.model.recovery import Recovery
+from flexplant.model.units import UNSTATED
 
 HEADER, VERSION = "flexplant", 2  # 2: components with structural damping or interior rows, which 1 would leave out silently
 RECOVERY_KINDS = ("displacement", "velocity", "acceleration")
@@ -124,7 +125,7 @@ def unpack_model(arrays: Arrays, path: Path, source: Mapping[str, Any], name: st
 
 
 def _guarded(build: Callable[[dict[str, Any]], Built], arrays: Arrays, path: Path, kind: str) -> Built:
-    header = read_header(arrays.get(HEADER), path)
+    header = _unstated(read_header(arrays.get(HEADER), path))
     if header["kind"] != kind:
         raise ReadError(path, f"holds a {header['kind']}, not a {kind}", record=HEADER)
     try:
@@ -133,6 +134,16 @@ def _guarded(build: Callable[[dict[str, Any]], Built], arrays: Arrays, path: Pat
         raise ReadError(path, f"has no {error} although it says it holds a {kind}") from None
     except (ModelError, TypeError, ValueError, AttributeError, IndexError, OverflowError) as error:
         raise ReadError(path, one_line(error)) from None
+
+
+def _unstated(header: dict[str, Any]) -> dict[str, Any]:
+    """Files of earlier versions say "SI" of numbers whose units nobody had stated; their source tells."""
+    source = header.get("source")
+    if header.get("units") != "SI" or not isinstance(source, dict) or not str(source.get("units")).startswith(UNSTATED):
+        return header
+    reduction = header.get("reduction")
+    remembered = {"reduction": {**reduction, "units": UNSTATED}} if isinstance(reduction, dict) else {}
+    return header | {"units": UNSTATED} | remembered
 
 
 def _common(arrays: Arrays, path: Path, header: dict[str, Any], source: Mapping[str, Any], name: str | None) -> dict[str, Any]:

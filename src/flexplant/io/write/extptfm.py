@@ -43,7 +43,8 @@ def _checked_size(component: Component) -> int:
         raise InputError(f"component {component.name!r}: ExtPtfm needs one boundary node with DOF 1 to 6, in that order")
     if component.units != "SI":
         raise InputError(
-            f"component {component.name!r} is in {component.units!r}, but ExtPtfm reads SI; convert it: component_to_si"
+            f"component {component.name!r}: its units are {component.units!r}, but ExtPtfm reads SI; pass units= where it is "
+            "read, or convert it: component_to_si"
         )
     n = component.n
     if n > MOST_DOF:
