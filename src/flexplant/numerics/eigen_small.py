@@ -117,4 +117,4 @@ def _orthogonal(basis: FloatArray, image: FloatArray) -> tuple[FloatArray, Float
 
 
 def _purged(block: FloatArray, basis: FloatArray) -> FloatArray:
-    return np.asarray(dgemm(-1.0, basis, dgemm(1.0, basis, block, trans_a=True), beta=1.0, c=block, overwrite_c=True))
+    return np.asarray(dgemm(-1.0, basis, basis.T @ block, beta=1.0, c=block, overwrite_c=True))
