@@ -225,3 +225,9 @@ def test_every_argument_is_tried(name: str, calls: dict[str, Call]) -> None:
 def test_the_table_names_calls_that_are_there(calls: dict[str, Call]) -> None:
     assert set(taken()) <= {f"{call}: {argument}" for call, (_, right) in calls.items() for argument in right}
     assert {call.split()[0] for call in calls} == set(PUBLIC)
+
+
+@pytest.mark.parametrize("port", ["", "a\nb"])
+def test_each_port_of_a_list_has_a_name_in_one_line(port: str) -> None:
+    with pytest.raises(fp.InputError, match="inputs must be names"):
+        fp.gain(1.0, inputs=[port])
