@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -61,36 +62,37 @@ def wheel_speed_sweep(systems: Linear | Mapping[str, Linear], wheel: Wheel, omeg
     speeds = np.atleast_1d(real_values(omega_hz, "omega_hz"))
     if speeds.ndim != 1 or not speeds.size or not (np.isfinite(speeds) & (speeds > 0)).all():
         raise InputError("wheel_speed_sweep: omega_hz must be a list of finite positive speeds, Hz")
-    if not isinstance(systems, Mapping):
-        return _sweep(systems, wheel, speeds)
-    outputs = {case: list(system.outputs) for case, system in systems.items()}
-    if len({tuple(names) for names in outputs.values()}) != 1:
+    cases = list(systems.values()) if isinstance(systems, Mapping) else [systems]
+    outputs = [list(system.outputs) for system in cases]
+    if any(names != outputs[0] for names in outputs) or not outputs:
         raise InputError(f"wheel_speed_sweep: the cases need the same outputs, got {outputs}")
-    swept: list[xr.Dataset] = [_sweep(system, wheel, speeds) for system in systems.values()]
-    joined: xr.Dataset = xr.concat(swept, dim="case", join="exact")
-    return joined.assign_coords(case=list(systems))
-
-
-def _sweep(system: Linear, wheel: Wheel, speeds: FloatArray) -> xr.Dataset:
+    units = ["" if len(set(texts)) > 1 else texts[0] for texts in zip(*(system.output_units for system in cases), strict=True)]
     harmonics, amplitudes = harmonic_amplitudes(wheel)
+    swept = [_amplitudes(system, wheel, harmonics, amplitudes, speeds) for system in cases]
+    labels: dict[str, Any] = {"output": outputs[0], "omega_hz": speeds, "harmonic": harmonics}
+    Y = swept[0]
+    dims: tuple[str, ...] = ("output", "harmonic", "omega_hz")
+    if isinstance(systems, Mapping):
+        Y, dims, labels = np.stack(swept), ("case", *dims), {"case": list(systems), **labels}
+    rms = np.sqrt((Y.real**2 + Y.imag**2).sum(axis=-2) / 2)
+    seen = tuple(name for name in dims if name != "harmonic")
+    return xr.Dataset({"rms": (seen, rms), "amplitude": (dims, Y)}, coords=coordinates(units, **labels))
+
+
+def _amplitudes(
+    system: Linear, wheel: Wheel, harmonics: FloatArray, amplitudes: ComplexArray, speeds: FloatArray
+) -> ComplexArray:
+    """(nz, harmonics, speeds) of one system."""
     columns = _columns(list(system.inputs), wheel)
     sweep = _sweep_of(system, "wheel_speed_sweep")
-    if sweep is not None and sweep.pays:
-        whole = np.zeros((len(system.inputs), harmonics.size), dtype=complex)
-        np.add.at(whole, columns, amplitudes)
-        ascending, place = (speeds, None) if (speeds[1:] > speeds[:-1]).all() else np.unique(speeds, return_inverse=True)
-        Y = sweep(whole, 2 * np.pi * np.outer(harmonics, ascending))
-        Y *= ascending**2
-        Y = Y if place is None else Y[:, :, place]
-    else:
-        Y = _by_response(system, harmonics, amplitudes, columns, speeds)
-    return xr.Dataset(
-        {
-            "rms": (("output", "omega_hz"), np.sqrt((Y.real**2 + Y.imag**2).sum(axis=1) / 2)),
-            "amplitude": (("output", "harmonic", "omega_hz"), Y),
-        },
-        coords=coordinates(system.output_units, output=list(system.outputs), omega_hz=speeds, harmonic=harmonics),
-    )
+    if sweep is None or not sweep.pays:
+        return _by_response(system, harmonics, amplitudes, columns, speeds)
+    whole = np.zeros((len(system.inputs), harmonics.size), dtype=complex)
+    np.add.at(whole, columns, amplitudes)
+    ascending, place = (speeds, None) if (speeds[1:] > speeds[:-1]).all() else np.unique(speeds, return_inverse=True)
+    Y = sweep(whole, 2 * np.pi * np.outer(harmonics, ascending))
+    Y *= ascending**2
+    return Y if place is None else np.asarray(Y[:, :, place])
 
 
 def _sweep_of(system: Linear, what: str) -> ToneSweep | None:

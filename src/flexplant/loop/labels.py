@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import lru_cache
 
 import numpy as np
 import numpy.typing as npt
@@ -15,7 +16,14 @@ def coordinates(output_units: Sequence[str], **labels: npt.ArrayLike) -> xr.Coor
     variables, indexes = {"output_units": xr.Variable(("output",), list(output_units))}, {}
     for name, values in labels.items():
         given = np.asarray(values)
-        index = PandasIndex(given.astype(object) if given.dtype.kind == "U" else given, name, coord_dtype=given.dtype)
+        index = _repeated(name, tuple(given.tolist())) if given.dtype.kind == "U" else PandasIndex(given, name)
         indexes[name] = index
         variables.update(index.create_variables())
     return xr.Coordinates(variables, indexes=indexes)
+
+
+@lru_cache(maxsize=256)
+def _repeated(name: str, texts: tuple[str, ...]) -> PandasIndex:
+    """The index of names: the same ones come again with every result of a system."""
+    given = np.asarray(texts)
+    return PandasIndex(given.astype(object), name, coord_dtype=given.dtype)
