@@ -5,18 +5,20 @@ Run from the repository's root:
 
 Methods, alternating, each run in its own process so that its peak memory is its own:
   flexplant        craig_bampton(n_modes=60, verify_count=False): the same work as the next
-  eigsh+factor     scipy eigsh on the same factor (flexplant's best, as OPinv), constraint modes by that factor; tolerance 1e-6,
-                   at which it takes the fewest solutions it ever takes and its residual is about flexplant's
+  eigsh+rslab      scipy eigsh with a factor of rslab as OPinv, constraint modes by that factor; tolerance 1e-6, at which it
+                   takes the fewest solutions it ever takes and its residual is about flexplant's
+  eigsh+supernodal the same with flexplant's own factor, the one that "flexplant" uses
+  eigsh+tol0       eigsh+rslab at eigsh's own default tolerance
   flexplant+count  verify_count=True: the modes are proved complete, by one more factorisation
   eigsh            scipy eigsh(sigma=0) as a user calls it (SuperLU), constraint modes by one more splu
   superlu          one such factor and a few solutions, where the above takes too long: its time is estimated from them
   exudyn           exudyn's own Craig-Bampton modes, ComputeHurtyCraigBamptonModes (solids, where it is installed)
 CPU seconds are printed beside wall seconds: on a shared machine they carry less noise. The residual is the largest
-|K x - w^2 M x| / |K x| of the 60 modes. Memory is what the process took at its peak beyond the model itself. "rest" is the ratio
-without the analysis and factor that flexplant and eigsh+factor have in common.
+|K x - w^2 M x| / |K x| of the 60 modes. Memory is what the process took at its peak beyond the model itself. "modes" is the time
+of the eigenproblem alone, the factor made, and what it is times flexplant's.
 
-Every finished run is kept in benchmarks/results/reduction.json, with date and versions, and not repeated; --fresh forgets those
-of the cases asked for. --plot draws docs/reduction-cost.svg from what is kept.
+Every finished run is kept in benchmarks/results/reduction.json (or the file that FLEXPLANT_RESULTS names), with date and
+versions, and not repeated; --fresh forgets those of the cases asked for. --plot draws docs/reduction-cost.svg from what is kept.
 """
 
 from __future__ import annotations
@@ -49,7 +51,7 @@ SUPERLU_TOO_SLOW = {"solid103k"}
 N_MODES = N_BOUNDARY = 60
 TOLERANCE = 1e-6
 SMALL_REPEATS = 20  # of milliseconds
-RESULTS = Path(__file__).parent / "results" / "reduction.json"
+RESULTS = Path(os.environ.get("FLEXPLANT_RESULTS", Path(__file__).parent / "results" / "reduction.json"))
 PLOT = Path(__file__).parents[1] / "docs" / "reduction-cost.svg"
 
 
@@ -59,11 +61,22 @@ def count(model) -> int:
 
 def flexplant_job(model, boundary, verify_count=False):
     import flexplant as fp
+    from flexplant.reduction import interior
 
+    extra, solver = {"modes": 0.0}, interior.shift_invert
+
+    def timed(*arguments, **more):
+        start = time.process_time()
+        found = solver(*arguments, **more)
+        extra["modes"] = time.process_time() - start
+        return found
+
+    interior.shift_invert = timed
     options = {"error_estimate": False, "threads": 1, "keep_basis": True, "verify_count": verify_count}
     component = fp.craig_bampton(model, boundary, n_modes=count(model), **options)
+    interior.shift_invert = solver
     n_b, rows = component.n_boundary, held_rows(model, boundary)
-    return component.stiffness.diagonal()[n_b:], component.basis[rows, n_b:], {"proved": component.report.proved}
+    return component.stiffness.diagonal()[n_b:], component.basis[rows, n_b:], extra | {"proved": component.report.proved}
 
 
 def counted_job(model, boundary):
@@ -90,7 +103,7 @@ def eigsh_job(model, boundary):
     return values, vectors, {}
 
 
-def eigsh_factor_job(model, boundary):
+def eigsh_factor_job(model, boundary, backend="rslab", tolerance=TOLERANCE):
     from scipy.sparse.linalg import LinearOperator, eigsh
 
     from flexplant.numerics.completion import completed
@@ -98,7 +111,7 @@ def eigsh_factor_job(model, boundary):
 
     _, i, k, m, kib = held(model, boundary)
     start = time.process_time()
-    factor = factorize(completed(k, model.dofs.node[i]) if i.size > 20_000 else k, threads=1)
+    factor = factorize(completed(k, model.dofs.node[i]) if i.size > 20_000 else k, threads=1, backend=backend)
     extra = {"factor": time.process_time() - start, "solves": 0}
     factor.solve(-kib)
 
@@ -106,9 +119,17 @@ def eigsh_factor_job(model, boundary):
         extra["solves"] += 1
         return factor.solve(b)
 
-    inverse = LinearOperator(k.shape, solve, dtype=float)
-    values, vectors = eigsh(k, count(model), m, sigma=0, OPinv=inverse, tol=TOLERANCE)
-    return values, vectors, extra
+    inverse, start = LinearOperator(k.shape, solve, dtype=float), time.process_time()
+    values, vectors = eigsh(k, count(model), m, sigma=0, OPinv=inverse, tol=tolerance)
+    return values, vectors, extra | {"modes": time.process_time() - start}
+
+
+def eigsh_own_factor_job(model, boundary):
+    return eigsh_factor_job(model, boundary, "supernodal")
+
+
+def eigsh_default_job(model, boundary):
+    return eigsh_factor_job(model, boundary, tolerance=0)
 
 
 def superlu_job(model, boundary):
@@ -144,7 +165,9 @@ def exudyn_job(model, boundary):
 
 JOBS = {
     "flexplant": flexplant_job,
-    "eigsh+factor": eigsh_factor_job,
+    "eigsh+rslab": eigsh_factor_job,
+    "eigsh+supernodal": eigsh_own_factor_job,
+    "eigsh+tol0": eigsh_default_job,
     "flexplant+count": counted_job,
     "eigsh": eigsh_job,
     "superlu": superlu_job,
@@ -160,12 +183,34 @@ def residual(model, boundary, values, vectors) -> float:
     return float((np.linalg.norm(force - (m @ vectors) * values, axis=0) / np.linalg.norm(force, axis=0)).max())
 
 
+def warm_up(model) -> None:
+    """Load the compiled loops that only large models take (which compile them, once on a machine)."""
+    import numpy as np
+
+    from flexplant.numerics import products
+    from flexplant.numerics.factorization import factorize, supernodal_backend
+
+    if supernodal_backend.available():
+        size, products.LARGE = products.LARGE, 1
+        factor = factorize(completed_pattern(model), backend="supernodal")
+        for columns in (1, 8, 16):
+            products.product(model.mass, factor.solve(np.ones((len(model.dofs), columns))))
+        products.LARGE = size
+
+
+def completed_pattern(model):
+    import scipy.sparse as sp
+
+    return sp.csr_array(model.stiffness + sp.eye_array(len(model.dofs)) * abs(model.stiffness).max())
+
+
 def run_job(case: str, job: str) -> None:
     """In a process of its own: build the mesh, time the job, print one line of JSON."""
     import meshes
 
     warm = meshes.solid((4, 4, 4))
     JOBS[job](warm, meshes.held(warm, N_BOUNDARY))  # imports and first calls are not what is compared
+    warm_up(warm)
     kind, cells = CASES[case]
     model = meshes.solid(cells) if kind == "solid" else meshes.shell(*cells)
     boundary = meshes.held(model, N_BOUNDARY)
@@ -206,7 +251,7 @@ def keep(runs: list[dict]) -> None:
 def jobs_of(case: str, quick: bool, estimate: bool) -> list[str]:
     if case in LARGE:
         return ["flexplant"]
-    jobs = ["flexplant", "eigsh+factor", "flexplant+count"]
+    jobs = ["flexplant", "eigsh+rslab", "eigsh+supernodal", "flexplant+count", "eigsh+tol0"]
     if case in SUPERLU_TOO_SLOW:
         return [*jobs, "superlu"] if estimate else jobs
     jobs += [] if quick else ["eigsh"]
@@ -227,7 +272,7 @@ def runs_of(case: str) -> dict[str, list[dict]]:
     """Kept runs of a case by method; estimated ones of eigsh from a factor and a few solutions of superlu."""
     found = {job: [run for run in kept() if run["case"] == case and run["job"] == job] for job in JOBS}
     for run in found.pop("superlu"):
-        solves = found["eigsh+factor"][0]["solves"] if found["eigsh+factor"] else 153
+        solves = found["eigsh+rslab"][0]["solves"] if found["eigsh+rslab"] else 153
         cpu = 2 * run["factor"] + solves * run["one"] + run["many"]  # a factor for the modes, and one for the constraint modes
         found.setdefault("eigsh (estimated)", []).append(run | {"cpu": cpu, "wall": cpu})
     return {job: runs for job, runs in found.items() if runs}
@@ -243,19 +288,22 @@ def table(case: str) -> None:
         return
     own, loads = middle(found["flexplant"], "cpu"), [run["load"] for runs in found.values() for run in runs]
     print(f"\n{case}: {found['flexplant'][0]['dof']} DOF, load {min(loads)} to {max(loads)} of {os.cpu_count()}")
-    print(f"{'method':<18}{'runs':>5}{'wall s':>9}{'cpu s':>9}{'spread':>8}{'times':>7}{'rest':>6}{'residual':>10}{'peak GB':>9}")
-    factor = middle(found["eigsh+factor"], "factor") if "eigsh+factor" in found else 0.0
+    heads = ("runs", "wall s", "cpu s", "spread", "times", "factor", "modes", "times", "solves", "residual", "peak GB")
+    print(f"{'method':<18}" + "".join(f"{head:>9}" for head in heads))
+    modes = middle(found["flexplant"], "modes")
     for job, runs in found.items():
         cpu = middle(runs, "cpu")
         spread = (max(r["cpu"] for r in runs) - min(r["cpu"] for r in runs)) / cpu
-        rest = f"{(cpu - factor) / (own - factor):.1f}" if job == "eigsh+factor" else ""
-        worst = f"{max(r['residual'] for r in runs):.1e}" if "residual" in runs[0] else ""
-        line = (
-            f"{job:<18}{len(runs):>5}{middle(runs, 'wall'):>9.3g}{cpu:>9.3g}{spread:>8.0%}{cpu / own:>7.2f}{rest:>6}{worst:>10}"
-        )
-        print(line + f"{max(r['peak_gb'] for r in runs):>9.2f}", flush=True)
-    if factor:
-        print(f"analysis and factor in common: {factor:.2f} s, eigsh solves {found['eigsh+factor'][0]['solves']} columns")
+        cells = [f"{len(runs)}", f"{middle(runs, 'wall'):.3g}", f"{cpu:.3g}", f"{spread:.0%}", f"{cpu / own:.2f}"]
+        cells += [f"{middle(runs, 'factor'):.2f}" if "factor" in runs[0] else ""]
+        known = "modes" in runs[0] and modes > 0
+        cells += [f"{middle(runs, 'modes'):.2f}", f"{middle(runs, 'modes') / modes:.2f}"] if known else ["", ""]
+        cells += [f"{runs[0]['solves']}" if "solves" in runs[0] else ""]
+        cells += [
+            f"{max(r['residual'] for r in runs):.1e}" if "residual" in runs[0] else "",
+            f"{max(r['peak_gb'] for r in runs):.2f}",
+        ]
+        print(f"{job:<18}" + "".join(f"{cell:>9}" for cell in cells), flush=True)
 
 
 def plot() -> None:

@@ -62,7 +62,7 @@ class CholeskyFactor:
             one_column(*shared, *room)
             return
         forward(*shared, wide, *room)
-        backward(*shared, wide, *room)
+        backward(*shared, wide, room[0])
 
 
 @dataclass(frozen=True, eq=False)
