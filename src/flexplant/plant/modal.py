@@ -26,6 +26,7 @@ from flexplant.plant.damping import ModalDamping, check_choice, projected_dampin
 from flexplant.plant.fields import checked_dense, checked_names, checked_units, checked_vector
 from flexplant.plant.residual_modes import with_residual_modes
 from flexplant.plant.static_correction import residual_displacement
+from flexplant.reduction.coverage import coverage, shortfall
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -162,7 +163,8 @@ def modal_plant(
     and acceleration outputs are corrected too, and y has no direct term; damping ratios apply to them as to modes.
     modes: those of an earlier normal_modes(system, ...), to save the solution.
     Raises InputError for unknown names or choices, and for structural damping without ratios in its place, SolverError
-    where modes or static correction cannot be computed.
+    where modes or static correction cannot be computed. `report` states up to where components reduced here are complete, with a
+    notice where kept modes lie beyond (`complete_below_hz`, `notice`).
     """
     checked_system(system, "modal_plant")
     check_choice(off_diagonal_damping)
@@ -202,7 +204,9 @@ def modal_plant(
         input_units=columns.units,
         output_units=rows.units,
         name=name,
-        report=_kept_report(system, kept, len(modes) - len(kept), correction) | damping.report,
+        report=_kept_report(system, kept, len(modes) - len(kept), correction)
+        | _range_report(system, kept, max_frequency_hz or 0.0)
+        | damping.report,
     )
 
 
@@ -222,6 +226,16 @@ def _kept_report(system: System, modes: Modes, residual_modes: int, correction: 
         "highest_frequency_hz": float(modes.frequency_hz[-1]) if len(modes) else 0.0,
         "static_correction": correction is not None or residual_modes > 0,
     }
+
+
+def _range_report(system: System, modes: Modes, asked_hz: float) -> dict[str, Any]:
+    """complete_below_hz: of the components reduced here, where there are any. notice: kept modes beyond what components cover."""
+    covered = [coverage(c) for c in system.components]
+    known = [c.complete_below_hz for c in covered if c.complete_below_hz is not None and np.isfinite(c.complete_below_hz)]
+    highest = max(asked_hz, float(modes.frequency_hz[-1]) if len(modes) else 0.0)
+    notices = [text for text in (shortfall(covered, highest), *(c.note(highest) for c in covered)) if text is not None]
+    report: dict[str, Any] = {"complete_below_hz": min(known)} if known else {}
+    return report | ({"notice": "; ".join(notices)} if notices and highest else {})
 
 
 def _velocity_rows(

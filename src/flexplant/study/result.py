@@ -18,6 +18,7 @@ from flexplant.modes import Modes
 from flexplant.plant.modal import ModalPlant
 from flexplant.response.norms import HinfNorm
 from flexplant.study.schema import StudySpec
+from flexplant.study.tables import worst_rows
 from flexplant.study.verification import Compared
 from flexplant.verification import CheckReport, Table
 
@@ -107,8 +108,9 @@ class StudyResult:
         """Summary, tables, verdict and where the files are, for a terminal."""
         failed = [f"  FAILED {c.name}: {c.value:.6g} {c.unit} (limit {c.limit:.6g}). {c.explanation}" for c in self.checks.failed]
         passed = len(self.checks.checks) - len(failed)
-        verdict = "\n".join([f"{passed} of {len(self.checks.checks)} checks passed", *failed])
-        parts = [self.study.title, *self.summary, *(str(t) for t in self.tables), verdict]
+        notes = [f"  note: {note}" for note in self.checks.notes]
+        verdict = "\n".join([f"{passed} of {len(self.checks.checks)} checks passed", *failed, *notes])
+        parts = [self.study.title, *self.summary, *(str(worst_rows(t)) for t in self.tables), verdict]
         if self.files:
             parts.append("\n".join(["Results:", *(f"  {path}" for path in self.files.values())]))
         return "\n\n".join(parts)

@@ -182,6 +182,10 @@ class VerificationSpec(Section):
         default=None,
         description="coupled modes listed up to here; left out: the plant's limit",
     )
+    reduction_error: Positive = Field(
+        default=0.01,
+        description="largest accepted estimated relative error that `reduce` causes in any frequency up to the plant's limit",
+    )
 
 
 class PlantSpec(Section):

@@ -11,13 +11,21 @@ from flexplant.study.result import LineOfSightResult, StudyResult
 from flexplant.study.schema import ComponentSpec
 from flexplant.study.verification import Compared
 from flexplant.verification import Table
+from flexplant.verification.reduction_range import COMPLETE, LARGEST, TITLE
 
 SEEN, UNSEEN = 0.05, 1e-6  # shares of the largest residue that count as there and as absent
 
 
 def summary(result: StudyResult, compared: Compared | None) -> tuple[str, ...]:
     """Paragraphs for the top of the report and the terminal."""
-    parts = [result.study.statement, _model(result), _reference(result, compared), _plant(result), _truth(result)]
+    parts = [
+        result.study.statement,
+        _model(result),
+        _reference(result, compared),
+        _reductions(result),
+        _plant(result),
+        _truth(result),
+    ]
     if result.line_of_sight is not None:
         parts += _line_of_sight(result.line_of_sight)
     return tuple(p for p in parts if p)
@@ -46,6 +54,20 @@ def _reference(result: StudyResult, compared: Compared | None) -> str:
         f"{compared.worst_percent:.2g} %{mac}; all {every.size} up to "
         f"{compared.every.reference_hz.max():.4g} Hz within {every.max():.2g} %."
     )
+
+
+def _reductions(result: StudyResult) -> str:
+    """Whether the reductions made here serve the plant's range."""
+    checks, limit = result.checks.checks, result.study.plant.max_frequency_hz
+    short = [f"{c.explanation}." for c in checks if c.name.endswith(COMPLETE) and not c.passed]
+    largest = [c for c in checks if c.name == LARGEST]
+    sentences = [text[0].upper() + text[1:] for text in short]
+    for check in largest:
+        where = "as far as they are complete" if short else f"up to {limit:.4g} Hz"
+        sentences.append(
+            f"Estimated frequency errors of the reductions {where}: {check.value:.2g} % at most, {check.explanation}."
+        )
+    return " ".join(sentences)
 
 
 def _plant(result: StudyResult) -> str:
@@ -139,6 +161,7 @@ def study_tables(result: StudyResult, compared: Compared | None) -> tuple[Table,
     """The tables that are printed and stored."""
     tables = [] if compared is None else [compared.table]
     tables += [t for t in result.checks.tables if t.title.startswith("Mass properties")]
+    tables += [t for t in result.checks.tables if t.title.startswith(TITLE)]
     tables += [] if result.truth is None else [result.truth.table]
     tables += [] if result.line_of_sight is None else list(result.line_of_sight.tables)
     return tuple(tables)

@@ -8,6 +8,7 @@ import xarray as xr
 from flexplant.model.component import Component
 from flexplant.modes import Modes
 from flexplant.verification import CheckReport, Table
+from flexplant.verification.reduction_range import TITLE
 
 
 def component_text(component: Component, report: CheckReport) -> str:
@@ -39,3 +40,12 @@ def modes_table(modes: Modes, count: int = 40) -> Table:
     rows = tuple((i + 1, float(hz), "rigid body" if i < modes.n_rigid else "") for i, hz in enumerate(modes.frequency_hz[:count]))
     more = f", first {count} of {len(modes)}" if len(modes) > count else ""
     return Table(f"Modes of the coupled system{more}", ("mode", "Hz", ""), rows)
+
+
+def worst_rows(table: Table, count: int = 12) -> Table:
+    """A long table of estimated errors cut to its largest ones, for a terminal; any other table as it is."""
+    if not table.title.startswith(TITLE) or len(table.rows) <= count:
+        return table
+    errors = np.array([row[2] for row in table.rows], dtype=float)
+    shown = np.sort(np.argsort(-errors, kind="stable")[:count])
+    return Table(f"{table.title} (largest {count})", table.columns, tuple(table.rows[int(k)] for k in shown))

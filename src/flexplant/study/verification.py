@@ -34,9 +34,15 @@ class Compared:
 
 def check_system(study: StudySpec, folder: Path, system: System, modes: Modes) -> tuple[CheckReport, Compared | None]:
     """All checks of the coupled model; with a reference, its first modes are held to the study's limit."""
-    spec = study.verification
+    spec, limit_hz = study.verification, study.plant.max_frequency_hz
     if spec.reference is None:
-        report = verify(system, rigid_body_modes=spec.rigid_body_modes, modes=modes)
+        report = verify(
+            system,
+            rigid_body_modes=spec.rigid_body_modes,
+            modes=modes,
+            max_frequency_hz=limit_hz,
+            reduction_error=spec.reduction_error,
+        )
         return _with_rigid_body_share(report, system, modes, spec.rigid_body_share), None
     given = read_reference(spec.reference, folder, system)
     held = given.first(spec.reference, spec.reference.modes)
@@ -46,11 +52,13 @@ def check_system(study: StudySpec, folder: Path, system: System, modes: Modes) -
         reference=held,
         frequency_tolerance=spec.reference.limit,
         modes=modes,
+        max_frequency_hz=limit_hz,
+        reduction_error=spec.reduction_error,
     )
     # the report has a section of its own for the reference, so its tables keep only what is not shown there
-    kept = CheckReport(report.checks, tuple(t for t in report.tables if t.columns[0] != "mode"), report.notes)
+    kept = CheckReport(report.checks, tuple(t for t in report.tables if t.columns[2] != "coupled [Hz]"), report.notes)
     mac = [c.value for c in report.checks if c.unit == "MAC"]
-    limit = study.plant.max_frequency_hz or float(modes.frequency_hz[-1])
+    limit = limit_hz or float(modes.frequency_hz[-1])
     count = min(int(np.count_nonzero(given.flexible_hz <= limit)), len(modes) - modes.n_rigid)
     every = Reference(given.flexible_hz[:count], names=spec.reference.labels, source=spec.reference.name)
     comparison, table = compare_modes(system, modes, every), _table_2(spec.reference, system, modes, given)

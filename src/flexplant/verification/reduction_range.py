@@ -17,6 +17,8 @@ from flexplant.verification.reduction_error import ErrorEstimate, estimate_error
 
 ROWS = 60  # modes in the table
 FEW = 100  # elastic modes whose errors are estimated where no range is asked for: it takes the cube of their number
+COMPLETE = ": modes complete up to the frequency asked"  # ends the name of a component's check
+LARGEST = "estimated frequency error of the reductions"
 TITLE = "Estimated frequency errors of the reductions"
 
 
@@ -82,8 +84,7 @@ def _complete(covered: list[Coverage], max_frequency_hz: float) -> Iterator[Chec
             text = (
                 f"{short}: modes above it are missing or wrong; reduce it up to {MARGIN * max_frequency_hz:.4g} Hz, or ask less"
             )
-        name = f"{found.component}: modes complete up to the frequency asked"
-        yield Check(name, found.complete_below_hz, max_frequency_hz, short is None, "Hz", text)
+        yield Check(f"{found.component}{COMPLETE}", found.complete_below_hz, max_frequency_hz, short is None, "Hz", text)
 
 
 def _largest(estimate: ErrorEstimate, first: int, limit: float) -> Check:
@@ -94,7 +95,7 @@ def _largest(estimate: ErrorEstimate, first: int, limit: float) -> Check:
     passed = value <= 100 * limit
     if not passed:
         text += "; reduce it to a higher frequency, with residual vectors, or with accuracy="
-    return Check("estimated frequency error of the reductions", value, 100 * limit, passed, "%", text)
+    return Check(LARGEST, value, 100 * limit, passed, "%", text)
 
 
 def _table(estimate: ErrorEstimate, first: int) -> Table:
