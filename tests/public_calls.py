@@ -113,7 +113,7 @@ def systems(part: fp.Component, held: fp.System, modes: fp.Modes) -> dict[str, C
     more = {"tolerance": 0.1, "nodes": [1], "stiffness": 1.0, "damping": 1.0}
     check = {"name": "n", "value": 1.0, "limit": 1.0, "passed": True, "unit": "", "explanation": ""}
     known = {"frequency_hz": [1.0], "shapes": np.ones((1, 1)), "labels": ["a.1.1"], "names": ["first"]}
-    limits = {"rigid_body_modes": 0, "reference": [1.0], "frequency_tolerance": 1e-3, "mac_minimum": 0.9}
+    limits = {"rigid_body_modes": 0, "reference": [1.0], "frequency_tolerance": 1e-3, "mac_minimum": 0.9, "reduction_error": 0.01}
     return {
         "Connection": (fp.Connection, {**link, **more}),
         "characteristic_interface": (fp.characteristic_interface, {"system": two, "connection": "tie", "n_modes": 6}),
@@ -140,7 +140,7 @@ def systems(part: fp.Component, held: fp.System, modes: fp.Modes) -> dict[str, C
         "check_component": (fp.check_component, {"component": part}),
         "mass_properties": (fp.mass_properties, {"model": part}),
         "strain_energy": (fp.strain_energy, {"component": part, "placement": fp.Placement()}),
-        "verify": (fp.verify, {"system": held, **limits, "modes": modes}),
+        "verify": (fp.verify, {"system": held, **limits, "modes": modes, "max_frequency_hz": 1e4}),
         "estimate_error": (fp.estimate_error, {"system": held, "modes": None, "max_frequency_hz": 1e4, "n_modes": 3}),
     }
 

@@ -86,7 +86,7 @@ steering_mirror: omega; pid: filter_time; quantiser: step; Wheel: harmonics; whe
 wheel_tones: omega_hz; write_plant as C: dt
 [0, 1.5, 1e30]
 with_modal_damping: ratio; with_dampers of one: c; with_proportional_damping: mass_factor stiffness_factor;
-Reference: rigid_below_hz; verify: frequency_tolerance mac_minimum; ModalPlant: zeta; reduce_modes to: tolerance;
+Reference: rigid_below_hz; verify: frequency_tolerance mac_minimum reduction_error; ModalPlant: zeta; reduce_modes to: tolerance;
 balanced_truncation to: tolerance; singular_values: frequency_hz; structural_frequency_response: frequency_hz;
 frequency_response: frequency_hz; frequency_response_blocks: frequency_hz; LineOfSight: mirror_zeta; pade_delay: seconds;
 steering_mirror: zeta
@@ -97,6 +97,7 @@ dead_zone: unit; saturation: unit; quantiser: unit; rate_limiter: unit; transfer
 GainSweep at: gain; LineOfSight: gain; simulate_stream: start; gain: factor; summing_junction of one: sign;
 proportional: gains; pid: kp ki kd; transfer_function: numerator; Wheel: amplitude phase_rad
 [none, 1.5, 1e30]
+verify: max_frequency_hz;
 characteristic_constraint_modes: max_frequency_hz; craig_bampton: max_frequency_hz; rubin: max_frequency_hz;
 StateSpace: dt; quantiser: dt; user_block: dt; transfer_function: dt; write_plant as FMU: dt
 [none, 0, 1.5, 1e30]
