@@ -36,7 +36,7 @@ def test_options_of_the_format_that_is_read(tmp_path: Path) -> None:
     np.savez(path, **{f"{kind}{i}": i * np.eye(3) for kind in "KM" for i in (1, 2)}, **labels)
     asked = CliRunner().invoke(app, ["inspect", str(path)])
     assert (asked.exit_code, "pass part=" in asked.output) == (2, True)
-    shown = CliRunner().invoke(app, ["inspect", str(path), "-o", "part=2"])
+    shown = CliRunner().invoke(app, ["inspect", str(path), "-O", "part=2"])
     assert (shown.exit_code, "parts2" in shown.output) == (0, True)
     done = CliRunner().invoke(app, ["convert", str(path), str(tmp_path / "two.npz"), "--option", "part=2"])
     assert done.exit_code == 0
@@ -45,8 +45,9 @@ def test_options_of_the_format_that_is_read(tmp_path: Path) -> None:
         ("part", "write name=value"),
         ("prt=2", "no option 'prt'. Did you mean 'part'"),
         ("part=x", "whole number"),
+        ("units=SI", "see --units"),
     ):
-        wrong = CliRunner().invoke(app, ["inspect", str(path), "-o", text])
+        wrong = CliRunner().invoke(app, ["inspect", str(path), "-O", text])
         assert (wrong.exit_code, words in wrong.output) == (2, True), wrong.output
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import os
+import re
 import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -32,8 +33,9 @@ Format = Annotated[str | None, typer.Option(help="Format name; left out: decided
 Units = Annotated[str | None, typer.Option(help="Units of the files, such as SI or mm-tonne-s.")]
 Reading = Annotated[
     list[str] | None,
-    typer.Option("--option", "-o", help="Option of the format read: superelement=101, part=2, mapping=a.txt."),
+    typer.Option("--option", "-O", help="Option of the format read (docs/formats.md): superelement=101, part=2, sidecar=a.yaml."),
 ]
+OWN_OPTIONS = ("format", "name", "units", "damping")  # of every format, so not for --option
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="No progress display.")]
 Force = Annotated[bool, typer.Option("--force", help="Replace a file that something else wrote; never one that is read.")]
 Outside = Annotated[bool, typer.Option("--allow-outside", help="Let the study name files outside its folder.")]
@@ -50,7 +52,7 @@ def _told(command: Callable[P, R]) -> Callable[P, R]:
         except (CheckFailedError, SolverError) as error:
             raise _end(str(error), FAILED) from None
         except FlexplantError as error:
-            raise _end(str(error), BAD_INPUT) from None
+            raise _end(_hinted(str(error)), BAD_INPUT) from None
         except OSError as error:
             raise _end(f"{error.filename or 'file'}: {error.strerror or error}", BAD_INPUT) from None
         except MemoryError:
@@ -78,17 +80,29 @@ def _notes() -> Iterator[None]:
         yield
 
 
+def _hinted(text: str) -> str:
+    """An error of the library with the command line's words for the option that it asks for."""
+    asked = re.search(r"pass (\w+)=", text)
+    if asked is None or asked[1] in ("overwrite", *OWN_OPTIONS):
+        return text
+    return f"{text} (here: --option {asked[1]}=...)"
+
+
 def _end(text: str, code: int) -> typer.Exit:
     typer.echo("\n".join(f"flexplant: {line}" for line in text.splitlines()), err=True)
     return typer.Exit(code)
 
 
 def _reading(given: list[str] | None) -> dict[str, Any]:
-    """Options NAME=VALUE; whole numbers become numbers."""
+    """Options NAME=VALUE, for the format to make of them what it needs."""
+    from flexplant.io.options import Written
+
     pairs = [text.partition("=") for text in given or []]
     if wrong := [name for name, equals, _ in pairs if not name or not equals]:
         raise InputError(f"--option {wrong[0]!r}: write name=value, such as superelement=101")
-    return {name: int(value) if value.lstrip("-").isdigit() else value for name, _, value in pairs}
+    if own := [name for name, _, _ in pairs if name in OWN_OPTIONS]:
+        raise InputError(f"--option {own[0]}: this is no option of a format; see --{own[0]} in --help")
+    return {name: Written(value) for name, _, value in pairs}
 
 
 @contextmanager
@@ -174,6 +188,7 @@ def check(
     files: Annotated[list[Path], typer.Argument(help="Component files.")],
     format: Format = None,  # noqa: A002 - the name of the option
     units: Units = None,
+    option: Reading = None,
 ) -> None:
     """Check components by themselves: symmetry, mass properties, rigid-body energy, fixed-interface modes."""
     from flexplant.io import read_component
@@ -182,7 +197,7 @@ def check(
 
     failed = []
     for file in files:
-        component = read_component(file, format=format, units=units)
+        component = read_component(file, format=format, units=units, **_reading(option))
         if str(component.source.get("units", "")).startswith("not stated"):
             typer.echo(f"{file.name}: units are not stated; the numbers are taken as SI (--units says otherwise)\n")
         report = check_component(component)
@@ -212,6 +227,7 @@ def reduce(
     force: Force = False,
     format: Format = None,  # noqa: A002
     units: Units = None,
+    option: Reading = None,
 ) -> None:
     """Reduce a model to a Hurty/Craig-Bampton component, check it and write it."""
     from flexplant.io import read_model, write_component
@@ -223,8 +239,8 @@ def reduce(
     from flexplant.verification import check_component
 
     require_folder_of(output)
-    options: dict[str, Any] = {} if geometry is None else {"geometry": geometry}
-    check_target("write_component", output, [model, *options.values()], overwrite=force)
+    options: dict[str, Any] = _reading(option) | ({} if geometry is None else {"geometry": geometry})
+    check_target("write_component", output, [model, *([geometry] if geometry else [])], overwrite=force)
     full = read_model(model, format=format, units=units, name=name, **options)
     how: dict[str, Any] = {"max_frequency_hz": max_frequency, "n_modes": modes, "residual_vectors": residual_vectors}
     component = craig_bampton(full, parse_boundary(boundary), **how, accuracy=accuracy, size=size)
@@ -247,6 +263,7 @@ def couple(
     rigid_body_modes: Annotated[int, typer.Option(help="Expected number of rigid-body modes.")] = 6,
     format: Format = None,  # noqa: A002
     units: Units = None,
+    option: Reading = None,
     output: Annotated[Path | None, typer.Option("--output", "-o", help="Write the coupled matrices to this .npz file.")] = None,
     force: Force = False,
 ) -> None:
@@ -261,7 +278,8 @@ def couple(
 
     if output is not None:
         check_system_target(output, files, overwrite=force)
-    components = [read_component(file, format=format, units=units, name=file.stem) for file in files]
+    reading: dict[str, Any] = {"format": format, "units": units, **_reading(option)}
+    components = [read_component(file, name=file.stem, **reading) for file in files]
     connections = [parse_connection(text) for text in connect or []] + [parse_ground(text) for text in ground or []]
     system = assemble(components, connections, method=method)
     modes = normal_modes(system, max_frequency_hz=max_frequency)

@@ -17,7 +17,7 @@ import numpy as np
 import flexplant.io.read
 from flexplant.errors import InputError, ModelError, ReadError, nearest
 from flexplant.io.formats import Format
-from flexplant.io.options import check_options
+from flexplant.io.options import check_options, keywords, understood
 from flexplant.io.parse.files import as_path, checked_file, exists, one_line, read_head
 from flexplant.io.plausibility import warn_if_implausible
 from flexplant.io.recovery_units import recovery_in_si
@@ -37,6 +37,19 @@ def formats() -> dict[str, Format]:
     modules = [importlib.import_module(f"{package.__name__}.{m.name}") for m in pkgutil.iter_modules(package.__path__)]
     found = [module.FORMAT for module in modules if hasattr(module, "FORMAT")]
     return {f.name: f for f in sorted(found, key=lambda f: f.name)}
+
+
+@cache
+def every_option() -> frozenset[str]:
+    """Options that any format has for reading."""
+    return frozenset(name for f in formats().values() for reader in f.readers.values() for name in keywords(reader))
+
+
+@cache
+def path_options() -> frozenset[str]:
+    """Options of any format that are paths: sidecar, mapping, geometry, ..."""
+    readers = [reader for f in formats().values() for reader in f.readers.values()]
+    return frozenset(name for reader in readers for name, kind in keywords(reader).items() if "Path" in kind)
 
 
 def _resolved(path: str | Path, able: list[Format]) -> Path:
@@ -75,6 +88,7 @@ def recognise(path: str | Path, wanted: str | None = None, what: str = "read_com
 def _read(what: str, path: str | Path, wanted: str | None, options: dict[str, Any]) -> Any:
     path, found = recognise(path, wanted, what)
     reader = found.readers[what]
+    options = understood(reader, options)
     check_options(reader, options, f"format {found.name!r}")
     if options.get("name") is not None:
         check_name(options["name"], "model")

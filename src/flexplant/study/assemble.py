@@ -10,10 +10,11 @@ import numpy as np
 from flexplant.assembly import GROUND, Connection, System, couple
 from flexplant.errors import InputError
 from flexplant.io import read_component, read_model
+from flexplant.io.registry import path_options
 from flexplant.model.component import Component
 from flexplant.model.geometry import Placement
 from flexplant.reduction import craig_bampton
-from flexplant.study.schema import ComponentSpec, ConnectionSpec, GroundSpec, StudySpec, UnitsSpec
+from flexplant.study.schema import ComponentSpec, ConnectionSpec, GroundSpec, StudySpec, TruthSpec, UnitsSpec
 
 
 def read_components(study: StudySpec, folder: Path) -> tuple[Component, ...]:
@@ -25,7 +26,7 @@ def _read(name: str, spec: ComponentSpec, study: StudySpec, folder: Path) -> Com
     shared = study.damping.ratio if study.damping is not None and study.damping.on == "components" else None
     damping = spec.damping if spec.damping is not None else shared
     given: dict[str, Any] = {"format": spec.format, "name": name, "units": file_units(spec)}
-    given |= {str(option): value for option, value in spec.options.items()}
+    given |= file_options(spec, folder)
     if spec.reduce is None:
         return read_component(folder / spec.file, damping=damping, **given)
     options: dict[str, Any] = {} if spec.geometry is None else {"geometry": folder / spec.geometry}
@@ -44,11 +45,18 @@ def _read(name: str, spec: ComponentSpec, study: StudySpec, folder: Path) -> Com
     )
 
 
+def file_options(spec: ComponentSpec | TruthSpec, folder: Path) -> dict[str, Any]:
+    """The options of the file's format, with the paths among them from the study's folder."""
+    return {k: folder / str(v) if k in path_options() else v for k, v in spec.options.items()}
+
+
 def files_read(study: StudySpec, path: Path) -> list[Path]:
     """The study file and every file that it names."""
     reference, truth = study.verification.reference, study.truth
     specs = [*study.components.values(), *(() if truth is None else truth.components.values())]
     named = [file for spec in specs for file in (spec.file, spec.geometry)]
+    every = [*specs, *(() if truth is None else (truth,))]
+    named += [str(value) for spec in every for key, value in spec.options.items() if key in path_options()]
     named += [reference.file if reference else None, truth.file if truth else None]
     return [path, *(path.parent / file for file in named if file is not None)]
 

@@ -41,7 +41,8 @@ def structure_view(study: StudySpec, folder: Path, system: System, modes: Modes)
 
 def _mesh(path: Path, spec: ComponentSpec) -> DisplayMesh | None:
     try:
-        return read_display_mesh(path, format=spec.format, units=file_units(spec))
+        sidecar = {"sidecar": path.parent / str(spec.options["sidecar"])} if "sidecar" in spec.options else {}
+        return read_display_mesh(path, format=spec.format, units=file_units(spec), **sidecar)
     except ReadError:  # a format without display meshes is no error: the report then has no view
         return None
 

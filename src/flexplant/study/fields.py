@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationInfo
+
+from flexplant.errors import nearest
 
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
@@ -32,6 +34,22 @@ def _inside(text: str, info: ValidationInfo) -> str:
 
 
 StudyPath = Annotated[str, AfterValidator(_inside)]
+
+
+def _options(options: dict[str, Any], info: ValidationInfo) -> dict[str, Any]:
+    """Options of a format, after checking that those that are paths lie in the study's folder."""
+    from flexplant.io.registry import every_option, path_options
+
+    if own := sorted({"format", "name", "units", "damping"} & set(options)):
+        raise ValueError(f"{own[0]!r} is no option of a format; it has a key of its own, beside options")
+    for name in set(options) - every_option():
+        raise ValueError(f"no format has an option {name!r}.{nearest(name, every_option())}")
+    for name in path_options() & set(options):
+        _inside(str(options[name]), info)
+    return options
+
+
+FormatOptions = Annotated[dict[str, str | bool | int | Finite | list[int] | list[Finite]], AfterValidator(_options)]
 
 
 class Section(BaseModel):

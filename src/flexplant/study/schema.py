@@ -10,6 +10,7 @@ from flexplant.study.fields import (
     DampingRatio,
     Directions,
     Finite,
+    FormatOptions,
     NodeId,
     NotNegative,
     Positive,
@@ -69,6 +70,10 @@ class ComponentSpec(Section):
 
     file: StudyPath = Field(description="model file, relative to the study's folder")
     format: str | None = Field(default=None, description="format name; left out: decided by the file itself")
+    options: FormatOptions = Field(
+        default={},
+        description="options of the format, such as superelement, part, sidecar, mapping (docs/formats.md); paths as for file",
+    )
     units: str | UnitsSpec | None = Field(
         default=None,
         description='units of the file: a preset name such as "SI" or "mm-tonne-s", or length_m and mass_kg',
@@ -81,9 +86,6 @@ class ComponentSpec(Section):
     reduce: ReduceSpec | None = Field(default=None, description="the file holds an unreduced model: reduce it like this")
     geometry: StudyPath | None = Field(
         default=None, description="deck or listing with the node positions that an unreduced model lacks"
-    )
-    options: dict[Literal["superelement", "part", "node"], int] = Field(
-        default={}, description="what the format asks for: which superelement or part of several, the id of an ExtPtfm node"
     )
 
 
@@ -216,6 +218,10 @@ class TruthSpec(Section):
 
     file: StudyPath = Field(description="mass and stiffness of the whole model")
     format: str | None = Field(default=None, description="format name; left out: decided by the file itself")
+    options: FormatOptions = Field(
+        default={},
+        description="options of the format, such as superelement, part, sidecar, mapping (docs/formats.md); paths as for file",
+    )
     input: str = Field(description="plant input, component.node.direction; the whole model has the same node id")
     output: str = Field(description="plant output, component.node.direction; the whole model has the same node id")
     structural_damping: NotNegative = Field(

@@ -17,7 +17,7 @@ from flexplant.plant.modal import ModalPlant, select
 from flexplant.plant.subset import with_modes
 from flexplant.response.frequency import frequency_response
 from flexplant.response.structural import direct_response, structural_response
-from flexplant.study.assemble import assemble, read_components
+from flexplant.study.assemble import assemble, file_options, read_components
 from flexplant.study.grid import frequency_grid
 from flexplant.study.plant import build_plant
 from flexplant.study.result import TruthResult
@@ -35,7 +35,7 @@ def compare_with_truth(
     spec = study.truth
     assert spec is not None
     one = select(plant, inputs=[spec.input], outputs=[spec.output])
-    model = read_model(folder / spec.file, format=spec.format)
+    model = read_model(folder / spec.file, format=spec.format, **file_options(spec, folder))
     hz = frequency_grid(spec.frequency, one, strongest=STRONGEST)
     direct = direct_response(
         model,
