@@ -94,7 +94,7 @@ class DiagramResponse:
 
     def __call__(self, hz: FloatArray) -> ComplexArray:
         """(nz, nw, nf); InputError on an undamped pole, of a block or of the closed loop."""
-        if hz[0] == 0:
+        if hz.size and hz[0] == 0:
             try:
                 self._grown(hz[:1])
             except InputError as error:
