@@ -12,7 +12,8 @@ from flexplant.model.component import FiniteElementModel
 from flexplant.model.damping import DampingRatio, with_modal_damping
 from flexplant.model.dofs import DofSet
 from flexplant.numerics.lanczos import Progress
-from flexplant.reduction.accuracy import best_of_size, chosen_for
+from flexplant.reduction.accuracy import SAMPLES, best_of_size, chosen_for
+from flexplant.reduction.bound import round_off
 from flexplant.reduction.budget import Drawn
 from flexplant.reduction.component import basis_bytes, checked_extras, hcb_component
 from flexplant.reduction.interior import Interior, fixed_interface, load_columns
@@ -99,6 +100,8 @@ def craig_bampton(
             interior = interior.extended()
             if interior.raw.shape[1] == size_before:
                 break  # the basis is complete
+    if verified is not None and max_frequency_hz is not None:
+        verified = max(verified, round_off(interior, max_frequency_hz, SAMPLES))
     component = hcb_component(
         interior,
         _report(interior, max_frequency_hz, accuracy, verified),
@@ -145,8 +148,8 @@ def _is_count(value: object) -> bool:
 
 
 def _checked_damping(model: FiniteElementModel, matrix: Matrix | float | None) -> Matrix | None:
-    if is_number(matrix):
-        if not 0 <= matrix < np.inf:
+    if np.isscalar(matrix):
+        if not (is_number(matrix) and 0 <= matrix < np.inf):
             raise InputError(f"craig_bampton: a loss factor must be finite and not negative, got {matrix!r:.60}")
         return float(matrix) * model.stiffness
     return None if matrix is None else checked_symmetric(matrix, len(model.dofs), f"model {model.name!r}: structural damping")
