@@ -290,7 +290,7 @@ def table(case: str) -> None:
     print(f"\n{case}: {found['flexplant'][0]['dof']} DOF, load {min(loads)} to {max(loads)} of {os.cpu_count()}")
     heads = ("runs", "wall s", "cpu s", "spread", "times", "factor", "modes", "times", "solves", "residual", "peak GB")
     print(f"{'method':<18}" + "".join(f"{head:>9}" for head in heads))
-    modes = middle(found["flexplant"], "modes")
+    modes = middle(found["flexplant"], "modes") if all("modes" in run for run in found["flexplant"]) else 0.0
     for job, runs in found.items():
         cpu = middle(runs, "cpu")
         spread = (max(r["cpu"] for r in runs) - min(r["cpu"] for r in runs)) / cpu

@@ -14,7 +14,7 @@ from flexplant.numerics.factorization.supernodal_backend import SupernodalAnalys
 
 EQUAL = 1e-6  # relative distance of two w^2 below which they count as one repeated mode
 CLOSE = 1e-4  # relative distance to the last modes at which they are counted: a pivot's sign is sure, and little left unsaid
-CHEAP = 2.0  # flops of a factorisation over those of the solutions, up to which a count is made without being asked
+CHEAP = 1.5  # flops of a factorisation over those of the solutions, up to which a count is made without being asked
 
 
 def count_below(stiffness: Any, mass: Any, omega2: float, analysis: Analysis) -> int | None:
