@@ -13,14 +13,15 @@ from flexplant.loop.cascade import Cascade
 from flexplant.loop.fused import LARGEST_REST
 from flexplant.loop.hybrid import Element, Hybrid
 from flexplant.loop.loop_recursion import recursion_of
-from flexplant.loop.sampled_loop import SampledLoop
+from flexplant.loop.sampled_loop import SampledLoop, TiledLoop, tiled_rows
 from flexplant.loop.sampled_steps import FINITE, KINDS, STATE_SPACE, sampled_steps
 from flexplant.loop.stepping import Stepper, stepper
 from flexplant.loop.user_code import c_functions
 from flexplant.model.arrays import FloatArray, IntArray
 from flexplant.numerics.compiled import numba
 
-CHUNK = 4096
+CHUNK = 16384
+LONG = 4096  # samples from which compiling a plain function is worth its time
 
 
 class HybridRecursion:
@@ -50,7 +51,7 @@ class HybridRecursion:
         users = [e.block.function if isinstance(e.block, SampledBlock) else None for e in hybrid.elements]
         self._functions = users if any(users) else None
         self._one, self._begun = one, False
-        self._loop: SampledLoop | None = None
+        self._loop: SampledLoop | TiledLoop | None = None
         self._calls: list[Any] | None = []
 
     def _begin(self, nt: int) -> None:
@@ -59,10 +60,14 @@ class HybridRecursion:
         if numba() is None or self.hybrid.linear.A.shape[0] > LARGEST_REST:
             self._calls = None
             return
-        self._calls = c_functions(self.hybrid.elements, plain=nt >= self.chunk)
+        self._calls = c_functions(self.hybrid.elements, plain=nt >= LONG)
         if self._calls is not None:
             addresses = np.array([0 if call is None else call.address for call in self._calls], dtype=np.int64)
-            self._loop = SampledLoop(self.hybrid, self._one, self.n_ahead, self._tables, addresses)
+            rows, fixed = tiled_rows(self.hybrid, self._one, self.n_ahead), (self._tables, addresses)
+            if rows is None:
+                self._loop = SampledLoop(self.hybrid, self._one, self.n_ahead, *fixed)
+            else:
+                self._loop = TiledLoop(self.hybrid, self._one, rows, *fixed)
 
     @property
     def called_in_python(self) -> list[str]:

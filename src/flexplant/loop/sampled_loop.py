@@ -11,8 +11,10 @@ from flexplant.loop.hybrid import Hybrid
 from flexplant.loop.layout import Layout, aligned, block_length
 from flexplant.loop.lifted import stepped
 from flexplant.loop.stepping import Stepper
+from flexplant.loop.tiled import MOST_REST, Rows, Tiles, modes_driven
 from flexplant.model.arrays import FloatArray, IntArray
 
+TILE = 4  # samples, as in `sampled_tiles`
 Tables = tuple[IntArray, FloatArray, FloatArray]
 
 
@@ -71,3 +73,75 @@ class SampledLoop:
         parts = (first[:n], first[padded : padded + n], first[len(first) - self._other[3].size :][: self._m])
         x[:] = np.concatenate(parts) + w[-1] @ self._ramp
         return failure
+
+
+class TiledLoop:
+    """As `SampledLoop`, where the blocks drive modes that not too many rows read: in tiles of four samples."""
+
+    def __init__(self, hybrid: Hybrid, one: Stepper, rows: Rows, tables: Tables, functions: IntArray) -> None:
+        linear, nw, nz = hybrid.linear, hybrid.nw, hybrid.nz
+        width, n, m, block = (
+            linear.B.shape[1],
+            linear.omega.size,
+            len(linear.A),
+            int(importlib.import_module("flexplant.loop.tile_steps").BLOCK),
+        )
+        self._ramp, self._modal, self._functions, self._silent = one.drive[width : width + nw], 2 * n, functions, not nw
+        forced, causal = one.drive[nw:width], one.drive[:nw] - self._ramp + stepped(one, self._ramp)
+        shape_in = linear.shape_in[:, :nw] if nw else np.zeros((n, 1))  # the compiled steps need an input
+        self._tiles = Tiles(modes_driven(one, shape_in), rows)
+        D = linear.D.copy()
+        D[:, :nw] += np.hstack([linear.C_modes, linear.C]) @ self._ramp.T
+        reading = np.hstack([rows.placed[m:], linear.C, D[:, nw:], *self._inputs(D[:, :nw])])
+        into = np.hstack([rows.placed[:m], one.A, forced[:, 2 * n :].T, *self._inputs(causal[:, 2 * n :].T)])
+        first = rows.placed.shape[1]
+        asking = reading[nz:].copy()
+        asking[:, first + m : first + m + width - nw] = 0.0
+        self._Z, self._scratch = aligned((first + m + width - nw, block + 8)), (np.zeros((TILE, width - nw)), np.zeros(m))
+        self._rest, self._written = self._Z[first : first + m, 0], aligned((nz, block))
+        self._other = np.ascontiguousarray(into), *self._echoes(one, forced[:, : 2 * n], rows)
+        self._reading, self._asking = (np.ascontiguousarray(reading[:nz]), self._Z), asking
+        self._blocks, self.asked = (*tables, np.ascontiguousarray(linear.D[nz:, nw:])), np.zeros(len(asking))
+
+    def _inputs(self, columns: FloatArray) -> list[FloatArray]:
+        return [columns, np.zeros((len(columns), int(self._silent)))]
+
+    def _echoes(self, one: Stepper, forced: FloatArray, rows: Rows) -> tuple[FloatArray, FloatArray]:
+        """What outputs of the blocks add to the rows at the next three samples, and to the modes at the end of a tile."""
+        free = replace(one, A=np.zeros((0, 0)), from_modes=np.zeros((0, forced.shape[1])))
+        moved = [forced]
+        for _ in range(TILE - 1):
+            moved.append(stepped(free, moved[-1]))
+        return np.stack([rows.whole @ part.T for part in moved[:-1]]), self._tiles.pushes(np.vstack(moved[::-1]))
+
+    def run(
+        self,
+        state: tuple[FloatArray, ...],
+        w: FloatArray,
+        driven: FloatArray,  # noqa: ARG002 - no modes are stepped beforehand
+        seen: FloatArray,  # noqa: ARG002
+        out: FloatArray,
+        at: tuple[int, int, float],
+    ) -> tuple[int, int]:
+        """As `SampledLoop.run`."""
+        march = importlib.import_module("flexplant.loop.sampled_tiles").tiled_march
+        x, p, s = state
+        start = x - w[0] @ self._ramp
+        self._tiles.enter(start[: self._modal])
+        self._rest[:] = start[self._modal :]
+        self.asked[:] = 0.0
+        memory = (p, s, self.asked, np.zeros(self.asked.size), np.zeros(s.size), *self._scratch, self._written)
+        inputs = np.zeros((1, len(w) - 1)) if self._silent else np.ascontiguousarray(w[:-1].T)
+        fixed = (self._tiles.modes, self._tiles.rows, self._other, self._reading, self._asking, self._blocks, self._functions)
+        failure: tuple[int, int] = march(*fixed, inputs, memory, out, *at)
+        x[:] = np.concatenate([self._tiles.leave(), self._rest]) + w[-1] @ self._ramp
+        return failure
+
+
+def tiled_rows(hybrid: Hybrid, one: Stepper, n_ahead: int) -> Rows | None:
+    """The rows that read the modes, where the loop around them is stepped in tiles; else None."""
+    linear = hybrid.linear
+    if n_ahead or not linear.omega.size or len(linear.A) > MOST_REST:
+        return None
+    rows = Rows(np.vstack([one.from_modes, linear.C_modes]))
+    return rows if rows.fit else None

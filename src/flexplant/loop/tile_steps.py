@@ -57,8 +57,25 @@ def _four_steps(drive, o, x, s, f0, f1, f2, f3, h0, h1, h2, h3, seen, place, mov
 
 
 @inlined
-def _moved(drive, x, U, place, seen, twofold, moving):
-    """The modes over four samples of U from U.flat[place] on; the unit of each mode is what the first input does to its eta'."""
+def pushed(table, x, i, P, count):
+    """Add to eight modes what the impulses P (samples, np) of the last `count` <= 4 samples did. table: (groups, 4 np * 16)."""
+    width = P.shape[1]
+    o, s = (i + 1) * table.shape[1] - count * width * 2 * LANES, 2 * LANES * i
+    q, v = load(x, s), load(x, s + LANES)
+    for k in range(count * width):
+        value = spread(P, k)
+        q, v = add(value, load(table, o), q), add(value, load(table, o + LANES), v)
+        o += 2 * LANES
+    store(x, s, q)
+    store(x, s + LANES, v)
+
+
+@inlined
+def _moved(drive, x, U, place, seen, twofold, moving, table, P, count):
+    """The modes over four samples of U from U.flat[place] on; the unit of each mode is what the first input does to its eta'.
+
+    Before, they take the impulses of `count` samples, see `pushed`.
+    """
     groups, size = drive.shape
     kept = 8 * LANES if moving else 4 * LANES
     for i in range(0, groups, 2):
@@ -75,6 +92,9 @@ def _moved(drive, x, U, place, seen, twofold, moving):
         if len(twofold) == 0:
             h0, h1, h2, h3 = times(m, f0), times(m, f1), times(m, f2), times(m, f3)
             k0, k1, k2, k3 = times(n, g0), times(n, g1), times(n, g2), times(n, g3)
+        if count:
+            pushed(table, x, i, P, count)
+            pushed(table, x, i + 1, P, count)
         _four_steps(drive, o, x, s, f0, f1, f2, f3, h0, h1, h2, h3, seen, to, moving)
         _four_steps(drive, o + size, x, s + 2 * LANES, g0, g1, g2, g3, k0, k1, k2, k3, seen, to + kept, moving)
 
@@ -213,7 +233,7 @@ def tile_march(modes, rows, other, reading, U, first, out, place, count, valid):
         for t in range(0, here, 4):
             u = first + block + t
             if t + 4 <= left:
-                _moved(drive, x, U, u, seen, twofold, moving)
+                _moved(drive, x, U, u, seen, twofold, moving, drive, weights, 0)
             else:
                 _moved_singly(drive, x, U, u, max(0, left - t), seen, twofold, moving)
             _read(packed, seen, Z, t, on_position, on_both)

@@ -56,6 +56,49 @@ def _not_zero(values: FloatArray, largest: FloatArray) -> FloatArray:
     return np.where(abs(values) > least, values, least)
 
 
+class Tiles:
+    """The compiled steps' view of modes, `modes` and `rows` (see `tile_steps`), and the state in it: enter and leave."""
+
+    def __init__(self, drive: Drive, rows: Rows) -> None:
+        self._n, self._unit, groups = drive.unit.size, drive.unit, -(-drive.unit.size // LANES)
+        table = self._lanes(drive.table, groups + groups % 2)
+        self._x, seen = (aligned((len(table), k, LANES)) for k in (2, 8))
+        self.modes = (table, self._x, seen, (0,) * drive.twofold)
+        self.rows = (self._packed(rows, groups), *((0,) * size for size in rows.at_once))
+
+    def _lanes(self, table: FloatArray, groups: int) -> FloatArray:
+        """(groups, . * 8) of a table (., n)."""
+        each = padded(table, (len(table), groups * LANES))
+        out = aligned((groups, len(table), LANES))
+        out[:] = each.reshape(-1, groups, LANES).swapaxes(0, 1)
+        return out.reshape(groups, -1)
+
+    def _packed(self, rows: Rows, groups: int) -> FloatArray:
+        """(passes, groups, .) rows as they are read."""
+        n = self._n
+        still, both = (part.reshape(rows.passes, -1, part.shape[1]) for part in (rows.still, rows.both))
+        out = aligned((rows.passes, groups, LANES * (still.shape[1] + 2 * both.shape[1])))
+        for turn in range(rows.passes):
+            out[turn] = self._lanes(np.vstack([still[turn], both[turn][:, :n], both[turn][:, n:]]) * self._unit, groups)
+        return out
+
+    def pushes(self, added: FloatArray) -> FloatArray:
+        """(groups, k * 16) what k impulses add to [eta, eta'], (k, 2n), in lanes."""
+        each = added.reshape(len(added) * 2, self._n) / self._unit
+        return self._lanes(each, len(self._x))
+
+    def enter(self, state: FloatArray) -> None:
+        """Take [eta, eta'] (2n,)."""
+        flat = np.zeros((2, len(self._x) * LANES))
+        flat[:, : self._n] = state.reshape(2, self._n) / self._unit
+        self._x[:] = flat.reshape(2, -1, LANES).swapaxes(0, 1)
+
+    def leave(self) -> FloatArray:
+        """(2n,) [eta, eta']."""
+        flat: FloatArray = self._x.swapaxes(0, 1).reshape(2, -1)[:, : self._n] * self._unit
+        return flat.ravel()
+
+
 class TileSteps:
     """[eta, eta'][k+1] = F [eta, eta'][k] + G w[k];  l[k+1] = A l + P [eta, eta'] + into w;  z = Cm [eta, eta'] + C l + D w.
 
@@ -68,42 +111,18 @@ class TileSteps:
     ) -> None:
         """rest: A (m, m) and into (m, nw). reading: C (nz, m) and D (nz, nw)."""
         (A, into), (C, D), weights = rest, reading, rows.placed
-        self._n, self._m, self._unit, self._groups = drive.unit.size, len(A), drive.unit, -(-drive.unit.size // LANES)
+        self._tiles, self._modal, m = Tiles(drive, rows), 2 * drive.unit.size, len(A)
         block = int(importlib.import_module("flexplant.loop.tile_steps").BLOCK)
-        table = self._lanes(drive.table, self._groups + self._groups % 2)
-        self._x, seen = (aligned((len(table), k, LANES)) for k in (2, 8))
-        self._modes = (table, self._x, seen, (0,) * drive.twofold)
-        self._rows = (self._packed(rows), *((0,) * size for size in rows.at_once))
-        self._Z = aligned((weights.shape[1] + self._m, block + LANES))
-        self._rest = self._Z[weights.shape[1] :, 0]
-        heard = weights[: self._m]
+        Z = aligned((weights.shape[1] + m, block + LANES))
+        self._rest, heard = Z[weights.shape[1] :, 0], weights[:m]
         self._other = _rest_layout(A, np.hstack([heard, into]) if heard.any() else into, block)
-        self._reading = np.hstack([weights[self._m :], C, D]), self._Z
+        self._reading = np.hstack([weights[m:], C, D]), Z
         self._tail, self._last = np.zeros((into.shape[1], LANES)), np.zeros((len(D), LANES))
-
-    def _lanes(self, table: FloatArray, groups: int) -> FloatArray:
-        """(groups, . * 8) of a table (., n)."""
-        each = padded(table, (len(table), groups * LANES))
-        out = aligned((groups, len(table), LANES))
-        out[:] = each.reshape(-1, groups, LANES).swapaxes(0, 1)
-        return out.reshape(groups, -1)
-
-    def _packed(self, rows: Rows) -> FloatArray:
-        """(passes, groups, .) rows as they are read."""
-        n = self._n
-        still, both = (part.reshape(rows.passes, -1, part.shape[1]) for part in (rows.still, rows.both))
-        out = aligned((rows.passes, self._groups, LANES * (still.shape[1] + 2 * both.shape[1])))
-        for turn in range(rows.passes):
-            out[turn] = self._lanes(np.vstack([still[turn], both[turn][:, :n], both[turn][:, n:]]) * self._unit, self._groups)
-        return out
 
     def advance(self, state: FloatArray, w: FloatArray, first: int, count: int, out: FloatArray, place: int) -> FloatArray:
         """The state after `count` samples of w (nw, .) from `first` on; writes the outputs into out[:, place:]."""
-        n, x = self._n, self._x
-        flat = np.zeros((2, len(x) * LANES))
-        flat[:, :n] = state[: 2 * n].reshape(2, n) / self._unit
-        x[:] = flat.reshape(2, -1, LANES).swapaxes(0, 1)
-        self._rest[:] = state[2 * n :]
+        self._tiles.enter(state[: self._modal])
+        self._rest[:] = state[self._modal :]
         whole = count // LANES * LANES
         self._march(w, first, out, place, whole, whole)
         if whole < count:
@@ -111,12 +130,11 @@ class TileSteps:
             self._tail[:, :left] = w[:, first + whole : first + count]
             self._march(self._tail, 0, self._last, 0, LANES, left)
             out[:, place + whole : place + count] = self._last[:, :left]
-        flat = x.swapaxes(0, 1).reshape(2, -1)[:, :n] * self._unit
-        return np.concatenate([flat[0], flat[1], self._rest])
+        return np.concatenate([self._tiles.leave(), self._rest])
 
     def _march(self, w: FloatArray, first: int, out: FloatArray, place: int, count: int, valid: int) -> None:
         march = importlib.import_module("flexplant.loop.tile_steps").tile_march
-        march(self._modes, self._rows, self._other, self._reading, w, first, out, place, count, valid)
+        march(self._tiles.modes, self._tiles.rows, self._other, self._reading, w, first, out, place, count, valid)
 
 
 def _rest_layout(A: FloatArray, into: FloatArray, block: int) -> tuple[FloatArray, ...]:
@@ -160,6 +178,14 @@ class Rows:
         size, width = self.at_once[kind], sum(self.at_once)
         places = [turn * width + kind * self.at_once[0] + k for turn in range(self.passes) for k in range(size)]
         return np.array([*places, 0], dtype=np.int64)
+
+    @property
+    def whole(self) -> FloatArray:
+        """(distinct, 2n) the rows as the passes sum them."""
+        n, parts = self.both.shape[1] // 2, (self.still, self.both)
+        still, both = (part.reshape(self.passes, -1, part.shape[1]) for part in parts)
+        still = np.concatenate([still, np.zeros((*still.shape[:2], n))], axis=2)
+        return np.concatenate([still, both], axis=1).reshape(-1, 2 * n)
 
     @property
     def cost(self) -> int:
