@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
+import pytest
 from typer.testing import CliRunner
 
 from flexplant.cli import app
@@ -89,3 +92,24 @@ def test_commands_replace_nothing_that_they_read_or_did_not_write(tmp_path: Path
     assert (tmp_path / "p.m").exists() is False
     assert CliRunner().invoke(app, [*commands[0], "--force"]).exit_code == 0
     assert np.array_equal(read_component(stranger).stiffness, part.stiffness)
+
+
+@pytest.mark.parametrize("command", [["run"], ["check"], ["inspect"], ["couple"], ["convert", "y.npz"], ["export", "--to", "c"],
+                                     ["reduce", "--boundary", "1", "-o", "x.npz"]])  # fmt: skip
+def test_a_path_that_is_not_there_is_told_at_once(command: list[str], tmp_path: Path) -> None:
+    """Before numpy is imported, let alone the formats; by `python -m flexplant` as by the script."""
+    words = [command[0], "nope.yaml", *command[1:]]
+    code = f"import sys; sys.argv = ['flexplant', *{words!r}]; import runpy\n"
+    code += "try: runpy.run_module('flexplant', run_name='__main__')\n"
+    code += "except SystemExit as end: print(end.code, 'numpy' in sys.modules, file=sys.stderr)"
+    found = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert found.stderr.splitlines() == ["flexplant: nope.yaml: no such file", "2 False"]
+
+
+def test_a_stem_without_ending_is_still_found(tmp_path: Path) -> None:
+    nodes = Nodes(ids=[5], positions=np.zeros((1, 3)))
+    write_component(
+        Component(name="m", mass=np.eye(3), stiffness=np.eye(3), boundary=[(5, "123")], nodes=nodes), tmp_path / "m.npz"
+    )
+    assert CliRunner().invoke(app, ["inspect", str(tmp_path / "m")]).exit_code == 0
+    assert CliRunner().invoke(app, ["inspect", str(tmp_path / "n")]).exit_code == 2

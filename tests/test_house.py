@@ -10,7 +10,7 @@ import pytest
 PACKAGE = Path(__file__).parents[1] / "src" / "flexplant"
 FLOORS = {
     "errors": 0, "model": 0, "numerics": 1, "reduction": 2, "assembly": 2, "modes": 3, "verification": 4, "plant": 4,
-    "response": 5, "blocks": 5, "loop": 6, "campaign": 7, "io": 7, "report": 8, "study": 9, "cli": 10, "web": 10,
+    "response": 5, "blocks": 5, "loop": 6, "campaign": 7, "io": 7, "report": 8, "study": 9, "cli": 10, "web": 10, "__main__": 11,
 }  # fmt: skip
 FACADE = {"__init__", "__main__", "py"}  # the lazy facade names every room, and imports none
 QUIET = 6  # floors up to here compute only

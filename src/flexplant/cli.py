@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import glob
 import os
 import re
 import warnings
@@ -78,6 +79,15 @@ def _notes() -> Iterator[None]:
 
         warnings.showwarning = tell
         yield
+
+
+def _look(*paths: Path) -> None:
+    """ReadError for a file that is not there, before anything large is imported; a stem without ending may stand for a file."""
+    from flexplant.io.parse.files import checked_file
+
+    for path in paths:
+        if not path.name or path.suffix or not any(path.parent.glob(f"{glob.escape(path.name)}.*")):
+            checked_file(path)
 
 
 def _hinted(text: str) -> str:
@@ -169,6 +179,7 @@ def run(
     quiet: Quiet = False,
 ) -> None:
     """Run a study: read, couple, verify, respond, close the loop, report."""
+    _look(study)
     _run(study, output or Path(f"{study.stem}-results"), quiet, allow_outside)
 
 
@@ -191,6 +202,7 @@ def check(
     option: Reading = None,
 ) -> None:
     """Check components by themselves: symmetry, mass properties, rigid-body energy, fixed-interface modes."""
+    _look(*files)
     from flexplant.io import read_component
     from flexplant.study.tables import component_text
     from flexplant.verification import check_component
@@ -230,6 +242,7 @@ def reduce(
     option: Reading = None,
 ) -> None:
     """Reduce a model to a Hurty/Craig-Bampton component, check it and write it."""
+    _look(model)
     from flexplant.io import read_model, write_component
     from flexplant.io.output import check_target
     from flexplant.reduction import craig_bampton
@@ -268,6 +281,7 @@ def couple(
     force: Force = False,
 ) -> None:
     """Couple components and print the free-free table."""
+    _look(*files)
     from flexplant.assembly import couple as assemble
     from flexplant.io import read_component
     from flexplant.modes import normal_modes
@@ -302,6 +316,7 @@ def export(
     force: Force = False,
 ) -> None:
     """Write a plant for another program: C source (c), FMU, MATLAB or Octave (m, mat), Julia (jl), numpy (npz), HDF5 (h5)."""
+    _look(plant)
     from flexplant.study.outputs import export_plant
 
     options = {key: value for key, value in (("dt", dt), ("hold", hold), ("version", fmi)) if value is not None}
@@ -317,6 +332,7 @@ def inspect_files(
     option: Reading = None,
 ) -> None:
     """Show what is in files: DOF, boundary, modes, mass, recovery labels, first frequencies."""
+    _look(*files)
     from flexplant.io import inspect
 
     options = _reading(option)
@@ -339,6 +355,7 @@ def convert_file(
     force: Force = False,
 ) -> None:
     """Put a component, model or plant into another format (docs/formats.md lists them)."""
+    _look(source)
     from flexplant.io import convert
 
     given: dict[str, Any] = {"dt": dt, "openfast": openfast}

@@ -6,7 +6,6 @@ from collections.abc import Mapping
 from typing import TypeAlias
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from flexplant.assembly.connection import GROUND, Connection, is_whole
 from flexplant.errors import CouplingError, nearest
@@ -83,6 +82,8 @@ def by_position(
     connection: Connection, components: Mapping[str, Component], placements: Mapping[str, Placement]
 ) -> list[tuple[int, int]]:
     """Match nodes by position; ambiguous or missing matches raise CouplingError that lists the nodes."""
+    from scipy.spatial import cKDTree  # takes a while to import, and most systems are joined by numbers
+
     owner = f"connection {connection.name!r}"
     a, b = (find_component(n, components, owner) for n in (connection.a, connection.b))
     ids_a, at_a = _positions(a, placements.get(a.name, Placement()), owner, connection.nodes)
