@@ -256,3 +256,11 @@ def test_bounds_shared_by_neighbouring_intervals_cover_those_of_each_alone(kinds
             assert (shared >= alone * (1 - 1e-12)).all()
             assert (shared <= 2 * alone).all()
         assert (found[0][1] == found[1][1]).mean() > 0.9
+
+
+@pytest.mark.parametrize("zeta", [1e-5, 1e-3, 0.05, 0.3])
+def test_the_top_of_a_peak_is_met_to_round_off(zeta):
+    """One mode: 1 / (2 zeta sqrt(1 - zeta^2) w^2) at w sqrt(1 - 2 zeta^2)."""
+    found = hinf_norm(one([7.0], zeta, [1.0]))
+    assert found.value == pytest.approx(1 / (2 * zeta * np.sqrt(1 - zeta**2) * 49.0), rel=4e-15 / min(zeta * 1e3, 1.0))
+    assert 2 * np.pi * found.frequency_hz == pytest.approx(7.0 * np.sqrt(1 - 2 * zeta**2), rel=1e-7 * zeta)

@@ -88,7 +88,9 @@ def _topped(axis: Axis, found: Bracket, row: int) -> Bracket:
     for _ in range(ROUNDS):
         t = np.linspace(low, high, AMONG)
         values = np.atleast_2d(axis.gains(t))[row]
-        best, top = _higher(best, found.axis, t, values), int(values.argmax())
+        top = int(values.argmax())
+        if values[top] > best.lower:
+            best = replace(best, lower=float(values[top]), t=float(t[top]))
         low, high = float(t[max(top - 1, 0)]), float(t[min(top + 1, AMONG - 1)])
     return replace(best, upper=max(found.upper, best.lower))
 
