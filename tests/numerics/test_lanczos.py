@@ -8,6 +8,7 @@ import scipy.linalg as la
 import scipy.sparse as sp
 
 from flexplant.errors import SolverError
+from flexplant.numerics import products
 from flexplant.numerics.completion import completed
 from flexplant.numerics.eigen import Pencil, Wanted, dense_eigenpairs, shift_invert, sparse_eigenpairs
 from flexplant.numerics.factorization import Estimate, analyze, factorize
@@ -53,6 +54,43 @@ def test_double_modes_are_both_found():
     k, exact = membrane(30)
     found = lanczos(factorize(k).solve, sp.eye_array(900, format="csr"), 50)
     np.testing.assert_allclose(found.omega2, exact[:50], rtol=1e-12)
+
+
+@pytest.mark.parametrize("large", [False, True])
+def test_the_number_of_modes_cuts_a_pair_or_a_cluster(large, monkeypatch):
+    """Of equal or nearly equal modes at the band's edge some are wanted, some not; by the loops of large models too."""
+    if large:
+        pytest.importorskip("numba")
+        monkeypatch.setattr(products, "LARGE", 1)
+    k, exact = membrane(30)
+    factor = factorize(k, backend="supernodal" if large else None)
+    assert exact[20] == pytest.approx(exact[21], rel=1e-12)
+    found = lanczos(factor.solve, sp.eye_array(900, format="csr"), 21)
+    np.testing.assert_allclose(found.omega2, exact[:21], rtol=1e-12)
+    stretched = sp.csr_array(sp.kron(laplacian(30), sp.eye_array(30)) + (1 + 1e-7) * sp.kron(sp.eye_array(30), laplacian(30)))
+    line = 4 * np.sin(np.arange(1, 31) * np.pi / 62) ** 2
+    exact = np.sort((line[:, None] + (1 + 1e-7) * line).ravel())
+    found = lanczos(factorize(stretched, backend="supernodal" if large else None).solve, sp.eye_array(900, format="csr"), 21)
+    np.testing.assert_allclose(found.omega2, exact[:21], rtol=1e-12)
+
+
+@pytest.mark.parametrize("backend", ["rslab", "supernodal"])
+def test_free_and_singular_problems_by_either_factor(backend, monkeypatch):
+    """A small negative shift makes a free model definite; massless rows have no modes. Both compiled, as large models are."""
+    pytest.importorskip("numba")
+    monkeypatch.setattr(products, "LARGE", 1)
+    k, m = problem()
+    free = sp.csr_array(k - sp.diags_array(np.r_[k.sum(axis=1)]))
+    shift = -1e-3 * float((k.diagonal() / m.diagonal()).max())
+    factor = factorize(sp.csc_array(free - shift * m), backend=backend)
+    assert factor.backend == backend
+    rigid = np.ones((400, 1)) / np.sqrt(m.sum())
+    found = lanczos(factor.solve, m, 12, shift=shift, locked=rigid)
+    expected = la.eigh(free.toarray(), m.toarray(), eigvals_only=True, subset_by_index=[1, 12])
+    np.testing.assert_allclose(found.omega2, expected, rtol=1e-7)
+    mass = sp.csr_array(sp.diags_array(np.where(np.arange(400) % 3, 0.0, 1.0)))
+    found = lanczos(factorize(k, backend=backend).solve, mass, 30)
+    np.testing.assert_allclose(found.omega2, dense_eigenpairs(k, mass, np.zeros((400, 0))).omega2[:30], rtol=1e-9)
 
 
 def test_a_mode_repeated_more_often_than_the_block_is_wide():
