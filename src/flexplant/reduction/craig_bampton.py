@@ -61,7 +61,7 @@ def craig_bampton(
     recover: DOF whose displacements become the recovery "displacement", labels "node.direction".
     keep_basis: True, or a function shape -> array (for example a numpy memmap) to hold the basis that `expand` needs.
     error_estimate: keep the rows that `estimate_error` needs, which costs one more block of solutions.
-    backend: of the factorisation: "rslab", "superlu", "pardiso", "cholmod" or "banded"; None takes the best that is there.
+    backend: of the factorisation, "rslab", "superlu", "pardiso", "cholmod", "banded" or "supernodal"; None takes the best there.
     progress("modes", share): called while modes are computed; an exception it raises ends the reduction.
     Raises ModelError for DOF that the model does not have, SolverError where the held interior is a mechanism or indefinite,
     memory is too small or the accuracy is out of reach, InputError for impossible numbers.
