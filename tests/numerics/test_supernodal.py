@@ -75,7 +75,7 @@ def test_solutions_of_any_number_of_columns(name, width):
     assert factor.backend == "supernodal"
     assert factor.negative_pivots == 0
     rng = np.random.default_rng(1)
-    for shape in ((), (1,), (3,), (8,), (16,), (21,), (24,)):
+    for shape in ((), (1,), (3,), (8,), (16,), (21,), (24,), (41,)):
         b = rng.standard_normal((matrix.shape[0], *shape))
         x = factor.solve(b)
         assert x.shape == b.shape

@@ -16,6 +16,7 @@ from flexplant.numerics.factorization import rslab_backend, superlu_backend
 from flexplant.numerics.factorization.protocol import Analysis, Estimate, Factor
 
 WIDTH = 8  # columns that are solved side by side
+TOGETHER = 32  # columns at a time: more would save little time, and take memory
 ROOM = 4  # rows beyond a supernode's
 
 
@@ -43,14 +44,19 @@ class CholeskyFactor:
         columns = b.reshape(b.shape[0], -1)
         if not columns.size:
             return b.copy()
-        order = self.panels.nodes.order
-        wide = 1 if columns.shape[1] == 1 else WIDTH * -(-columns.shape[1] // WIDTH)
-        x = np.zeros((order.size + 1, wide))
-        x[:-1, : columns.shape[1]] = columns[order]
-        self._solve_in_order(x.reshape(-1), wide)
         out = np.empty(columns.shape)
-        out[order] = x[:-1, : columns.shape[1]]
+        for start in range(0, columns.shape[1], TOGETHER):
+            some = slice(start, start + TOGETHER)
+            self._solve_some(columns[:, some], out[:, some])
         return out.reshape(b.shape)
+
+    def _solve_some(self, columns: FloatArray, out: FloatArray) -> None:
+        order, k = self.panels.nodes.order, columns.shape[1]
+        wide = 1 if k == 1 else WIDTH * -(-k // WIDTH)
+        x = np.zeros((order.size + 1, wide))
+        x[:-1, :k] = columns[order]
+        self._solve_in_order(x.reshape(-1), wide)
+        out[order] = x[:-1, :k]
 
     def _solve_in_order(self, x: FloatArray, wide: int) -> None:
         from flexplant.numerics.factorization.panel_lanes import backward, forward, one_column
