@@ -68,6 +68,21 @@ class Basis:
         return float(max(self.errors(hz)[0].max(initial=0.0) for hz in grid))
 
 
+def round_off(interior: Interior, max_frequency_hz: float, samples: int) -> float:
+    """Relative frequency error that rounding the condensed stiffness to double precision can cause, whatever the basis.
+
+    Its entries are off by some 2 eps times the terms that cancelled in them: a mode of boundary motion b by eps b^T E b / w^2
+    beside the energies that `worst` compares with. No bound below this says anything.
+    """
+    basis, cancelling = Basis.of(interior), interior.part.cancelling
+    found = 0.0
+    for hz in np.linspace(max_frequency_hz / samples, max_frequency_hz, samples):
+        b = basis.motions(hz)[: cancelling.size]
+        strain = la.eigvalsh(b.T @ (cancelling[:, None] * b))[-1] if b.size else 0.0
+        found = max(found, float(np.finfo(float).eps) * float(strain) / (2 * np.pi * hz) ** 2)
+    return found
+
+
 def _orthonormal(mass: FloatArray) -> FloatArray:
     """Combinations B with B^T M B = I of the boundary motions that carry mass."""
     size = np.sqrt(np.maximum(np.diagonal(mass), MASSLESS * np.trace(mass) / mass.shape[0]))

@@ -10,7 +10,7 @@ import numpy.typing as npt
 import scipy.linalg as la
 
 from flexplant.errors import SolverError
-from flexplant.model.arrays import FloatArray, dense
+from flexplant.model.arrays import FloatArray
 from flexplant.model.geometry import rigid_body_vectors
 from flexplant.numerics.eigen import orthonormalize
 from flexplant.reduction.mechanism import RIGID_FIT
@@ -42,7 +42,7 @@ class FreeSolve:
         no diagonal is taken for less than the round-off of the terms that cancelled in it, over RIGID.
         """
         condensed = self.part.condensed("stiffness")
-        cancelling = self._cancelling
+        cancelling = self.part.cancelling
         diagonal = np.maximum(np.diagonal(condensed), ROUND_OFF / RIGID * cancelling)
         size = np.sqrt(np.maximum(diagonal, np.finfo(float).tiny))
         values, vectors = la.eigh(condensed / np.outer(size, size))
@@ -52,12 +52,6 @@ class FreeSolve:
             if not (rounded and self._moves_rigidly(vectors[:, ~elastic], size)):
                 raise self._indefinite(float(values[0]))
         return size, values, vectors, elastic
-
-    @property
-    def _cancelling(self) -> FloatArray:
-        """(n_b,) diagonal of |T|^T |K| |T|, T = [I; Psi]: the sum of the terms that the condensed stiffness is the rest of."""
-        (kii, kib, kbb), psi = self.part.stiffness, abs(self.part.constraint_modes)
-        return np.asarray(abs(kbb.diagonal()) + (psi * (abs(kii) @ psi + 2 * dense(abs(kib)))).sum(axis=0))
 
     def _moves_rigidly(self, motion: FloatArray, size: FloatArray) -> bool:
         """Whether these (n_b, k) boundary motions, times size, are geometric rigid-body motions, so that their stiffness is the

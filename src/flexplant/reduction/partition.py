@@ -177,6 +177,12 @@ class Partition:
         inner = self.inertia_load if kind == "mass" else product(self.kii, psi) + dense(aib)
         return symmetric(dense(abb) + aib.T @ psi + psi.T @ inner)
 
+    @property
+    def cancelling(self) -> FloatArray:
+        """(n_b,) diagonal of |T|^T |K| |T|, T = [I; Psi]: the sum of the terms that the condensed stiffness is the rest of."""
+        (kii, kib, kbb), psi = self.stiffness, abs(self.constraint_modes)
+        return np.asarray(abs(kbb.diagonal()) + (psi * (abs(kii) @ psi + 2 * dense(abs(kib)))).sum(axis=0))
+
 
 def symmetric(matrix: FloatArray) -> FloatArray:
     """The symmetric part, which removes round-off."""

@@ -26,7 +26,8 @@ class ReductionReport:
     complete_below_hz: the basis holds every fixed-interface (Rubin: free) mode below it; proved: a Sturm count said so.
     residuals: of each mode, |K x - w^2 M x| / |K x|, computed from the matrices of the held (Rubin: free) model.
     accuracy: asked relative frequency error, None where modes and blocks were given. verified: bound of the relative error of
-    any system's frequency up to max_frequency_hz that this component causes, None where it was not computed.
+    any system's frequency up to max_frequency_hz that this component causes, never less than what rounding its matrices to
+    double precision may cause; None where it was not computed.
     basis_bytes: memory that keeping the basis takes (or would take).
     """
 
