@@ -5,11 +5,13 @@ from __future__ import annotations
 import control
 import numpy as np
 import pytest
+from beam_systems import two_beams
 
 from flexplant.errors import InputError, SolverError
 from flexplant.plant.balanced import balanced_truncation, gramians, split_stable
 from flexplant.plant.discretize import discretize
-from flexplant.plant.modal import ModalPlant
+from flexplant.plant.modal import ModalPlant, modal_plant
+from flexplant.plant.rigid_body import without_rigid_body
 from flexplant.plant.state_space import StateSpace, state_space
 from flexplant.plant.truncation import hankel_singular_values, peak_gains, reduce_modes
 from flexplant.response.frequency import frequency_response
@@ -175,3 +177,17 @@ def test_balanced_truncation_requests_are_checked():
         balanced_truncation(system, tolerance=np.nan)
     with pytest.raises(SolverError, match="not stable"):
         gramians(StateSpace(np.eye(1), np.eye(1), np.eye(1), np.eye(1), ["u"], ["y"]))
+
+
+@pytest.mark.parametrize("correction", [True, "modes"])
+def test_the_report_counts_the_modes_that_are_left(correction):
+    system = two_beams(damping=0.0)
+    plant = modal_plant(
+        system, inputs=["b.14.3"], outputs=["b.14.3"], n_modes=14, damping_ratio=0.01, static_correction=correction
+    )
+    for smaller in (reduce_modes(plant, keep=3), without_rigid_body(plant), without_rigid_body(reduce_modes(plant, keep=3))):
+        report = smaller.report
+        assert report["modes_kept"] + report["residual_modes"] == smaller.n_modes
+        own = smaller.frequency_hz[: report["modes_kept"]]
+        assert report["highest_frequency_hz"] == own.max()
+        assert own.max() <= plant.report["highest_frequency_hz"]

@@ -20,4 +20,5 @@ def without_rigid_body(plant: ModalPlant) -> ModalPlant:
     expect(plant, ModalPlant, "without_rigid_body", "modal_plant(system, ...) makes one")
     keep = plant.omega > 0
     left_out = int(np.count_nonzero(~keep))
-    return replace(with_modes(plant, keep), report={**plant.report, "rigid_body_modes_left_out": left_out})
+    elastic = with_modes(plant, keep)
+    return replace(elastic, report={**elastic.report, "rigid_body_modes_left_out": left_out})

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -27,4 +28,19 @@ def with_modes(plant: ModalPlant, which: npt.NDArray[np.bool_] | IntArray) -> Mo
         shape_out=columns(plant.shape_out),
         shape_out_velocity=columns(plant.shape_out_velocity),
         shape_out_acceleration=columns(plant.shape_out_acceleration),
+        report=_counted(plant, at),
     )
+
+
+def _counted(plant: ModalPlant, at: IntArray) -> dict[str, Any]:
+    """The plant's report with the counts of what is left, where it has them; residual modes lie above all others."""
+    report, n = dict(plant.report), plant.n_modes
+    own = at
+    if "residual_modes" in report:
+        own = at[at < n - report["residual_modes"]]
+        report["residual_modes"] = int(at.size - own.size)
+    if "modes_kept" in report:
+        report["modes_kept"] = int(own.size)
+    if "highest_frequency_hz" in report:
+        report["highest_frequency_hz"] = float(plant.frequency_hz[own].max(initial=0.0))
+    return report

@@ -131,7 +131,7 @@ def reduce_modes(
         given = np.zeros_like(gain) if plant.static_correction is None else plant.static_correction
         reduced = replace(reduced, static_correction=given + gain)
     bound = _error_bound(plant, reduced, dropped, static_correction)
-    report = {**plant.report, "dropped": dropped.tolist(), "error_bound": bound, "measure": measure}
+    report = {**reduced.report, "dropped": dropped.tolist(), "error_bound": bound, "measure": measure}
     return replace(reduced, report=report)
 
 
