@@ -14,7 +14,7 @@ from flexplant.plant.modal import ModalPlant
 
 def with_modes(plant: ModalPlant, which: npt.NDArray[np.bool_] | IntArray) -> ModalPlant:
     """The plant with only the modes `which`, a mask (n,) or places, and all its direct terms."""
-    at = np.flatnonzero(which) if which.dtype == bool else which
+    at: IntArray = np.flatnonzero(which) if which.dtype == bool else np.asarray(which, dtype=np.int64)
 
     def columns(shapes: FloatArray | None) -> FloatArray | None:
         return None if shapes is None else shapes[:, at]
