@@ -7,7 +7,6 @@ import xarray as xr
 
 from flexplant.blocks.wheel import Wheel, wheel_tones
 from flexplant.errors import StudyError, nearest
-from flexplant.loop.close import close
 from flexplant.loop.diagram import Diagram
 from flexplant.loop.figures_of_merit import LoopFigures, loop_figures
 from flexplant.loop.frequency import frequency_response
@@ -16,8 +15,7 @@ from flexplant.loop.line_of_sight import LineOfSight, closed_loop_transfer, line
 from flexplant.loop.simulate import simulate
 from flexplant.model.arrays import FloatArray
 from flexplant.plant.modal import ModalPlant, select
-from flexplant.plant.rigid_body import without_rigid_body
-from flexplant.response.norms import HinfNorm, hinf_norm, singular_values
+from flexplant.response.norms import singular_values
 from flexplant.study.grid import frequency_grid
 from flexplant.study.result import LineOfSightResult
 from flexplant.study.schema_line_of_sight import LineOfSightSpec, SweepSpec
@@ -25,6 +23,7 @@ from flexplant.verification import Table
 
 CASES = ("open loop", "closed loop")
 SPOT = ("spot_x", "spot_y")
+LOOP_BAND = (0.95, 1.05)  # times the loop's own peak frequency
 
 
 def line_of_sight(spec: LineOfSightSpec, plant: ModalPlant) -> LineOfSightResult:
@@ -42,15 +41,16 @@ def line_of_sight(spec: LineOfSightSpec, plant: ModalPlant) -> LineOfSightResult
     hz = frequency_grid(spec.frequency, seen, also=tuple((f.peak_hz, 1 / (2 * f.peak)) for f in figures))
     gains = {case: singular_values(frequency_response(loop, hz)) for case, loop in loops.items()}
     histories = _histories(spec, wheel, loops)
-    peaks = {case: _peak(values, seen) for case, values in gains.items()}
-    norms = {case: _flexible_norm(parameters, seen, case) for case in CASES}
+    whole, own = _flexible_band(seen, hz), (LOOP_BAND[0] * figures[0].peak_hz, LOOP_BAND[1] * figures[0].peak_hz)
+    peaks = {case: _peak(values, whole) for case, values in gains.items()}
+    loop_peaks = {case: _peak(values, own) for case, values in gains.items()}
     contribution = contributions(plant, list(wheel.inputs), spec)
     return LineOfSightResult(
         parameters=parameters,
         wheel=wheel,
         singular_values=gains,
         peak_gain=peaks,
-        flexible_norm=norms,
+        loop_peak_gain=loop_peaks,
         closed_loop=frequency_response(closed_loop_transfer(parameters), hz),
         sensitivity=frequency_response(output_sensitivity(parameters), hz),
         histories=histories,
@@ -61,7 +61,7 @@ def line_of_sight(spec: LineOfSightSpec, plant: ModalPlant) -> LineOfSightResult
         tables=(
             _loop_table(figures),
             _spot_table(histories),
-            _peak_table(peaks, norms),
+            _peak_table(peaks, whole, loop_peaks, own),
             _contribution_table(plant, contribution),
         ),
     )
@@ -98,18 +98,20 @@ def _sweep(spec: SweepSpec, wheel: Wheel, loops: dict[str, Diagram]) -> xr.Datas
     return wheel_speed_sweep(loops, wheel, np.linspace(spec.from_hz, spec.to_hz, spec.points))
 
 
-def _peak(values: xr.DataArray, plant: ModalPlant) -> tuple[float, float]:
-    """(largest singular value, Hz) from half the first flexible mode up: below, the free body as a whole moves without bound."""
+def _flexible_band(plant: ModalPlant, hz: FloatArray) -> tuple[float, float]:
+    """From half the first flexible mode to the end of the curve: below, the free body as a whole moves without bound."""
     flexible = plant.frequency_hz[plant.n_rigid :]
-    lowest = 0.5 * flexible[0] if flexible.size else 0.0
+    return (max(0.5 * float(flexible[0]), float(hz[0])) if flexible.size else float(hz[0])), float(hz[-1])
+
+
+def _peak(values: xr.DataArray, band: tuple[float, float]) -> tuple[float, float]:
+    """(largest singular value of the curve in the band, Hz); NaN where the curve has no point in it."""
     hz, largest = values["frequency"].values, values.isel(index=0).values
-    place = int(np.argmax(np.where(hz >= lowest, largest, 0.0)))
+    inside = np.flatnonzero((hz >= band[0]) & (hz <= band[1]))
+    if not inside.size:
+        return float("nan"), float("nan")
+    place = inside[int(np.argmax(largest[inside]))]
     return float(largest[place]), float(hz[place])
-
-
-def _flexible_norm(parameters: LineOfSight, plant: ModalPlant, case: str) -> HinfNorm:
-    """H-infinity norm of the flexible motion alone: with rigid-body modes it is infinite at 0 Hz, open and closed loop."""
-    return hinf_norm(close(line_of_sight_diagram(parameters, without_rigid_body(plant), closed=case == "closed loop")))
 
 
 def contributions(plant: ModalPlant, inputs: list[str], spec: LineOfSightSpec) -> dict[str, FloatArray]:
@@ -152,9 +154,22 @@ def _spot_table(histories: dict[float, dict[str, xr.Dataset]]) -> Table:
     return Table("Spot motion on the sensor", columns, tuple(rows))
 
 
-def _peak_table(peaks: dict[str, tuple[float, float]], norms: dict[str, HinfNorm]) -> Table:
-    rows = tuple((case, value, hz, norms[case].value, norms[case].frequency_hz) for case, (value, hz) in peaks.items())
-    columns = ("case", "largest singular value", "Hz", "H-infinity norm, flexible motion alone", "Hz ")
+def _peak_table(
+    peaks: dict[str, tuple[float, float]],
+    band: tuple[float, float],
+    loop_peaks: dict[str, tuple[float, float]],
+    own: tuple[float, float],
+) -> Table:
+    """The heights of the plotted curves, rigid-body motion in them as everywhere."""
+    rows = tuple((case, *peaks[case], *loop_peaks[case]) for case in peaks)
+    ranges = [f"{low:.4g} to {high:.4g} Hz" for low, high in (band, own)]
+    columns = (
+        "case",
+        f"largest singular value, {ranges[0]}",
+        "at [Hz]",
+        f"near the loop's own peak, {ranges[1]}",
+        "there at [Hz]",
+    )
     return Table("Wheel to spot, m per N or N m", columns, rows)
 
 

@@ -16,7 +16,6 @@ from flexplant.loop.line_of_sight import LineOfSight
 from flexplant.model.arrays import FloatArray
 from flexplant.modes import Modes
 from flexplant.plant.modal import ModalPlant
-from flexplant.response.norms import HinfNorm
 from flexplant.study.schema import StudySpec
 from flexplant.study.tables import worst_rows
 from flexplant.study.verification import Compared
@@ -48,7 +47,7 @@ class LineOfSightResult:
     """The loop and what the wheel does to the spot.
 
     singular_values: case ("open loop", "closed loop") -> (frequency, index), m per N or N m. peak_gain: case -> (largest singular
-    value of the flexible range, Hz). flexible_norm: case -> H-infinity norm without the rigid-body modes. closed_loop,
+    value of the flexible range, Hz). loop_peak_gain: the same within 5 % of the loop's own peak frequency. closed_loop,
     sensitivity: complex responses of the control system. histories: wheel speed in Hz -> case -> Dataset of the spot over time.
     sweep: RMS and amplitudes over wheel speed, or None. contribution: output -> residue of each flexible mode (of flexible_hz)
     over the largest. figures: of each axis of the loop.
@@ -58,7 +57,7 @@ class LineOfSightResult:
     wheel: Wheel
     singular_values: Mapping[str, xr.DataArray]
     peak_gain: Mapping[str, tuple[float, float]]
-    flexible_norm: Mapping[str, HinfNorm]
+    loop_peak_gain: Mapping[str, tuple[float, float]]
     closed_loop: xr.DataArray
     sensitivity: xr.DataArray
     histories: Mapping[float, Mapping[str, xr.Dataset]]
