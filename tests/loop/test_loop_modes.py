@@ -1,5 +1,7 @@
 """A loop that feeds back into its plant, stepped in its own modes: their equations, exact motion, and where there are none."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from test_cascade import whole
@@ -185,6 +187,29 @@ def test_multiple_poles_without_modes_take_the_dense_block_and_say_so():
     result = simulate(critically_damped(w), t, initial=np.r_[np.ones(10), np.zeros(10)])
     assert result.attrs["stepping"].startswith("dense block of 20 states: its poles near 3 rad/s are nearly multiple")
     assert result.outputs[0].values == pytest.approx((1 + w * t) * np.exp(-w * t), abs=1e-12)
+
+
+@pytest.mark.parametrize(("beside", "apart"), [(1.0, False), (1.00001, False), (1.3, True)])
+def test_a_filter_on_a_mode_that_the_loop_does_not_drive(beside, apart):
+    """Resonance of a filter with a mode apart: a double pole, which has no two modes; further off, both are stepped alone."""
+    plant = structure(n_rigid=0)
+    shape = plant.shape_in.copy()
+    shape[3, 6] = 0.0
+    plant = replace(plant, shape_in=shape)
+    omega, loop = plant.omega[3] * beside, attitude_loop(plant, "damper")
+    diagram = Diagram(
+        blocks={**loop.blocks, "filter": transfer_function([omega**2], [1.0, 0.02 * omega, omega**2])},
+        connections=[*loop.connections, ("plant.ax", "filter.u")],
+        inputs=loop.inputs,
+        outputs={**loop.outputs, "filtered": "filter.y"},
+    )
+    cascade, rng = cascade_of(diagram), np.random.default_rng(1)
+    w, state = rng.normal(size=(7, 1500)), rng.normal(size=cascade.n_states) * 1e-3
+    result = simulate(diagram, np.arange(1500) * DT, w, initial=state)
+    why = "dense block of 21 states: a mode that the loop does not drive lies beside a pole of the loop"
+    assert result.attrs["stepping"].startswith("modes of the loop" if apart else why)
+    outputs, _ = exact(cascade, DT, w, state, "first")
+    assert (abs(result.outputs.values - outputs).max(axis=1) < 1e-10 * abs(outputs).max(axis=1)).all()
 
 
 def test_an_unstable_loop_is_refused_with_its_pole():
