@@ -205,6 +205,7 @@ def responses(held: fp.System, plant: fp.ModalPlant) -> dict[str, Call]:
             {"system": plant, "frequency_hz": hz, "block": 1},
         ),
         "hinf_norm": (fp.hinf_norm, {"system": L, "tolerance": 1e-3, "unbounded": "infinite"}),
+        "plot": (fp.plot, {"result": fp.frequency_response(L, hz), "output": L.outputs[0], "input": L.inputs[0], "title": "t"}),
         "random_response": (
             fp.random_response,
             {"system": L, "psd": {"error_x": 1.0}, "frequency_hz": hz, "cross": False, "interpolation": "linear"},

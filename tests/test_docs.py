@@ -37,7 +37,8 @@ def test_the_theory_names_functions():
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
-def test_python_runs_and_links_lead_somewhere(page: Path):
+def test_python_runs_and_links_lead_somewhere(page: Path, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)  # what a page writes goes there
     text = page.read_text(encoding="utf-8")
     for target in re.findall(r"\]\(([^)#:\s]+)\)", text):
         assert (page.parent / target).exists(), target

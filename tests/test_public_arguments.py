@@ -58,7 +58,7 @@ GainSweep at: out; white_noise_rms: intensity; frequency_response: out; line_of_
 simulate: inputs progress initial; simulate tones: inputs progress initial; simulate_stream: inputs initial;
 gain: inputs outputs; renamed: inputs outputs; convert: format units read_options; inspect: format units;
 plausibility: found; read_component: format units; read_display_mesh: format units; read_geometry: format;
-read_model: format units; run_study: progress
+read_model: format units; run_study: progress; plot: output input
 [text, long]
 Component: name units; FiniteElementModel: name units; Recovery: name; UnitSystem: name; Reference: source;
 ModalPlant: name; modal_plant: name; descriptor: name; Descriptor: name; StateSpace: name; from_scipy: name; Diagram: name;
@@ -108,7 +108,7 @@ with_interface_node: node; with_interface_node averaged: node; Modes: n_rigid; v
 reduce_modes: keep; balanced_truncation: order; sample_delay: samples
 [none, text, long]
 Connection: name; from_control: name; renamed: name; convert: name; read_component: name; read_model: name;
-read_reference: component
+read_reference: component; plot: title
 [none, empty]
 select: inputs outputs; simulate: outputs; simulate tones: outputs; renamed: input_units output_units
 [none, 0]

@@ -88,6 +88,7 @@ _HOME = {
         "write_plant",
         "write_results",
     ),
+    "report.figures.plot": ("plot",),
     "study.pipeline": ("run_study",),
     "study.examples": ("example_study",),
 }

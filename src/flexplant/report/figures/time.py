@@ -32,7 +32,8 @@ def time_histories(
     names = list(outputs) if outputs is not None else _outputs(next(iter(curves.values())))
     picked = {label: _picked(data, names) for label, data in curves.items()}
     scale, shown_unit = si_scale(picked, unit)
-    axes = [Axis(f"{plain((labels or {}).get(name, name))} ({shown_unit})") for name in names]
+    behind = f" ({shown_unit})" if shown_unit else ""
+    axes = [Axis(plain((labels or {}).get(name, name)) + behind) for name in names]
     figure = blank(title, Axis("Time (s)"), axes, size=140 + 190 * len(names))
     for number, (label, values) in enumerate(picked.items()):
         seconds = np.asarray(curves[label]["time"].values, dtype=float)
