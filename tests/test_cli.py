@@ -283,6 +283,7 @@ def test_ctrl_c_in_the_middle_of_the_demo_leaves_nothing(tmp_path):
 
 
 def test_a_missing_folder_is_told_before_the_model_is_read(tmp_path):
+    (tmp_path / "no-model.npz").write_text("nothing that can be read")
     told = refused("reduce", tmp_path / "no-model.npz", "--boundary", "1:123", "--modes", 2, "-o", tmp_path / "no" / "bus.npz")
     assert "there is no folder" in told
 

@@ -8,10 +8,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import xarray as xr
 from typer.testing import CliRunner
 
 from flexplant.cli import app
-from flexplant.io import read_component, read_model, write_component, write_model, write_plant
+from flexplant.io import read_component, read_model, write_component, write_model, write_plant, write_results
 from flexplant.model.component import Component, FiniteElementModel
 from flexplant.model.geometry import Nodes
 from flexplant.plant.modal import ModalPlant
@@ -113,3 +114,17 @@ def test_a_stem_without_ending_is_still_found(tmp_path: Path) -> None:
     )
     assert CliRunner().invoke(app, ["inspect", str(tmp_path / "m")]).exit_code == 0
     assert CliRunner().invoke(app, ["inspect", str(tmp_path / "n")]).exit_code == 2
+
+
+def test_inspect_shows_results(tmp_path: Path) -> None:
+    """A NetCDF file, ours or another's: what variables it has, along which dimensions."""
+    response = xr.DataArray(np.ones((2, 3, 4), dtype=complex), dims=("output", "input", "frequency"), attrs={"units": "m/N"})
+    data = xr.Dataset({"response": response, "count": 3}, attrs={"title": "A run"})
+    write_results(data, tmp_path / "r.nc")
+    data[["count"]].to_netcdf(tmp_path / "other.nc", engine="h5netcdf")
+    shown = CliRunner().invoke(app, ["inspect", str(tmp_path / "r.nc"), str(tmp_path / "other.nc")])
+    assert shown.exit_code == 0, shown.output
+    for words in ("results (NetCDF-4)", "A run", "complex128, 2 output x 3 input x 4 frequency [m/N]", "one number"):
+        assert words in shown.output
+    (tmp_path / "bad.nc").write_bytes((tmp_path / "r.nc").read_bytes()[:700])
+    assert CliRunner().invoke(app, ["inspect", str(tmp_path / "bad.nc")]).exit_code == 2

@@ -82,7 +82,8 @@ def test_mistakes_are_one_line_and_nothing_is_written(model, tmp_path, arguments
 
 
 def test_a_bad_ending_is_told_before_the_model_is_read(tmp_path):
-    result = call(tmp_path / "missing.npz", "--boundary", "1:1", "--modes", 2, "-o", tmp_path / "reduced.txt")
+    (tmp_path / "none.npz").write_text("nothing that can be read")
+    result = call(tmp_path / "none.npz", "--boundary", "1:1", "--modes", 2, "-o", tmp_path / "reduced.txt")
     assert result.exit_code == 2
     assert "has none of the endings" in result.stderr
 

@@ -14,7 +14,7 @@ from typing import Annotated, Any, ParamSpec, TypeVar
 
 import typer
 
-from flexplant.errors import CheckFailedError, FlexplantError, InputError, PlausibilityWarning, SolverError
+from flexplant.errors import CheckFailedError, FlexplantError, InputError, PlausibilityWarning, ReadError, SolverError
 
 OK, FAILED, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
 EPILOG = "Exit codes: 0 done, 1 a check failed or a computation did not converge, 2 bad input, 130 interrupted."
@@ -83,11 +83,12 @@ def _notes() -> Iterator[None]:
 
 def _look(*paths: Path) -> None:
     """ReadError for a file that is not there, before anything large is imported; a stem without ending may stand for a file."""
-    from flexplant.io.parse.files import checked_file
-
     for path in paths:
-        if not path.name or path.suffix or not any(path.parent.glob(f"{glob.escape(path.name)}.*")):
-            checked_file(path)
+        if path.exists():
+            continue
+        beside = sorted(p.name for p in path.parent.glob(f"{glob.escape(path.stem)}.*"))[:8] if path.stem else []
+        if path.suffix or not beside:
+            raise ReadError(path, "no such file" + (f"; beside it: {', '.join(beside)}" if beside else ""))
 
 
 def _hinted(text: str) -> str:

@@ -87,7 +87,7 @@ def test_structural_damping_and_interior_dofs_survive(tmp_path, ending):
 def test_formats_without_a_place_for_them_refuse(tmp_path):
     kinds = ("extptfm", {"structural_damping": 0.04}, "structural damping"), ("op4", {"loads": [(5, 1)]}, "interior DOF")
     for narrow, options, words in kinds:
-        for ending, reason in ((narrow, words), ("mat", "none of the endings"), ("zzz", "none of the endings")):
+        for ending, reason in ((narrow, words), ("fmu", "none of the endings"), ("zzz", "none of the endings")):
             with pytest.raises(InputError, match=reason) as caught:
                 fp.write_component(reduced(**options), tmp_path / f"chain.{ending}")
             assert "\n" not in str(caught.value)

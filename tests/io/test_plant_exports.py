@@ -269,3 +269,10 @@ def test_julia_arithmetic_gives_the_state_space(tmp_path: Path, kind: str) -> No
     seen, form = scipy.io.loadmat(tmp_path / "out.mat"), state_space(given)
     for name in "ABCD":
         np.testing.assert_array_equal(seen[f"s{name.lower()}"], getattr(form, name))
+
+
+@pytest.mark.parametrize(("stem", "instead"), [("a-b", "a_b.m"), ("2nd", "p_2nd.m"), ("end", "end_model.m"), ("x" * 64, "xxx")])
+def test_scripts_that_could_not_be_called_are_refused(tmp_path: Path, stem: str, instead: str) -> None:
+    with pytest.raises(InputError, match=rf"cannot be called.*name it '{instead}"):
+        write_plant(plant(3), tmp_path / f"{stem}.m")
+    assert not list(tmp_path.iterdir())

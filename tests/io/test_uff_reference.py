@@ -81,3 +81,29 @@ def test_malformed_files_say_where(tmp_path: Path, text: str, message: str) -> N
     path.write_text(text)
     with pytest.raises(ReadError, match=message):
         read_reference(path)
+
+
+KINDS = {
+    (12, 13): "accelerance",
+    (8, 13): "receptance",
+    (11, 9): "mobility",
+    (3, 13): "strain / excitation force",
+    (12, 0): "acceleration",
+    (12, 12): "acceleration / acceleration",
+    (77, 13): "type 77 / excitation force",
+}
+
+
+@pytest.mark.parametrize(("codes", "said"), KINDS.items())
+def test_what_a_function_is_of_what(tmp_path: Path, codes: tuple[int, int], said: str) -> None:
+    """Records 9 and 10: a receptance and an accelerance are a factor of omega squared apart, and the numbers do not say."""
+    over, under = codes
+    lines = function(np.ones(3, dtype=complex)).splitlines()
+    lines[10] = f"{over:10d}{0:5d}{0:5d}{0:5d} {'Acceleration':20} {'mm/s^2':20}"
+    lines[11] = f"{under:10d}{0:5d}{0:5d}{0:5d} {'Force':20} {'NONE':20}"
+    (tmp_path / "f.uff").write_text("\n".join(lines) + "\n")
+    (found,) = read_response_functions(tmp_path / "f.uff")
+    assert found.quantity == said
+    assert (found.attrs["ordinate"]["label"], found.attrs["ordinate"]["units"]) == ("Acceleration", "mm/s^2")
+    assert (found.attrs["denominator"]["label"], found.attrs["denominator"]["units"]) == ("Force", "")
+    assert found.attrs["abscissa"]["quantity"] == "frequency"

@@ -1,29 +1,13 @@
-"""Reading and writing: the only place that knows a file format. Names load on first use: a look at a path needs no formats."""
+"""Reading and writing: the only place that knows a file format."""
 
-from __future__ import annotations
+from typing import Any
 
-import importlib
-from typing import TYPE_CHECKING, Any
-
-if TYPE_CHECKING:
-    from flexplant.io.inspection import convert, inspect
-    from flexplant.io.output import read_plant, write_component, write_model, write_plant, write_results, writers
-    from flexplant.io.parse.netcdf import read_results
-    from flexplant.io.plausibility import plausibility
-    from flexplant.io.read_reference import read_reference, read_response_functions
-    from flexplant.io.registry import formats, read_component, read_display_mesh, read_geometry, read_model
-    from flexplant.model.display import DisplayMesh
-
-_HOME = {
-    "flexplant.io.inspection": ("convert", "inspect"),
-    "flexplant.io.output": ("read_plant", "write_component", "write_model", "write_plant", "write_results", "writers"),
-    "flexplant.io.parse.netcdf": ("read_results",),
-    "flexplant.io.plausibility": ("plausibility",),
-    "flexplant.io.read_reference": ("read_reference", "read_response_functions"),
-    "flexplant.io.registry": ("formats", "read_component", "read_display_mesh", "read_geometry", "read_model"),
-    "flexplant.model.display": ("DisplayMesh",),
-}
-_WHERE = {name: module for module, names in _HOME.items() for name in names}
+from flexplant.io.inspection import convert, inspect
+from flexplant.io.output import read_plant, write_component, write_model, write_plant, write_results, writers
+from flexplant.io.plausibility import plausibility
+from flexplant.io.read_reference import read_reference, read_response_functions
+from flexplant.io.registry import formats, read_component, read_display_mesh, read_geometry, read_model
+from flexplant.model.display import DisplayMesh
 
 __all__ = [
     "DisplayMesh",
@@ -48,8 +32,8 @@ __all__ = [
 
 
 def __getattr__(name: str) -> Any:
-    if name not in _WHERE:
-        raise AttributeError(f"module 'flexplant.io' has no attribute {name!r}")
-    value = getattr(importlib.import_module(_WHERE[name]), name)
-    globals()[name] = value
-    return value
+    if name == "read_results":  # needs xarray, which takes a while to import
+        from flexplant.io.parse.netcdf import read_results
+
+        return read_results
+    raise AttributeError(f"module 'flexplant.io' has no attribute {name!r}")

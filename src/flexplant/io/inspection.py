@@ -10,15 +10,18 @@ from typing import Any
 
 from flexplant.errors import InputError, PlausibilityWarning, ReadError
 from flexplant.io.output import dropped, read_plant, without, write_component, write_model, write_plant
-from flexplant.io.parse.files import as_path
+from flexplant.io.parse.files import as_path, read_head
+from flexplant.io.parse.h5 import SIGNATURE
 from flexplant.io.parse.own_plant import Plant
 from flexplant.io.plausibility import Model, first_frequencies, plausibility, quantities
 from flexplant.io.registry import Units, read_component, read_geometry, read_model, recognise
+from flexplant.io.write.ownership import written_as
 from flexplant.model.component import Component
 from flexplant.plant.modal import ModalPlant
 from flexplant.verification.checks import Table
 
 SHOWN = 12
+NETCDF = (".nc", ".nc4")
 
 
 def inspect(path: str | Path, *, format: str | None = None, units: Units | None = None, **options: Any) -> Table:  # noqa: A002
@@ -31,6 +34,8 @@ def inspect(path: str | Path, *, format: str | None = None, units: Units | None 
             warnings.simplefilter("ignore", PlausibilityWarning)
             value: Any = read_any(path, format=format, units=units, **options)
     except ReadError as error:
+        if format is None and _is_results(as_path(path)):
+            return Table(Path(path).name, ("what", "value"), tuple(_result_rows(as_path(path))))
         if not _reads_as_geometry(path, format):
             raise error from None
         mesh = read_geometry(path, format=format)
@@ -107,6 +112,24 @@ def _reads_as_geometry(path: str | Path, wanted: str | None) -> bool:
     except ReadError:
         return False
     return True
+
+
+def _is_results(path: Path) -> bool:
+    return path.is_file() and (written_as(path) == "netcdf" or (path.suffix in NETCDF and read_head(path).startswith(SIGNATURE)))
+
+
+def _result_rows(path: Path) -> list[tuple[object, ...]]:
+    """Title, and every variable with its dimensions, range of its coordinates and units."""
+    from flexplant.io.parse.netcdf import read_results
+
+    data = read_results(path)
+    rows: list[tuple[object, ...]] = [("kind", "results (NetCDF-4)")]
+    rows += [("title", data.attrs["title"])] if "title" in data.attrs else []
+    for name, values in data.data_vars.items():
+        sizes = " x ".join(f"{size} {dim}" for dim, size in values.sizes.items()) or "one number"
+        units = f" [{values.attrs['units']}]" if "units" in values.attrs else ""
+        rows.append((name, f"{values.dtype}, {sizes}{units}"))
+    return rows
 
 
 def _model_rows(model: Model) -> list[tuple[object, ...]]:

@@ -24,13 +24,19 @@ DELIMITER = "    -1"
 NORMAL_MODE, COMPLEX_MODE = 2, 3
 RESPONSE_FUNCTION = 4
 REAL_TYPES, COMPLEX_TYPES = (2, 4), (5, 6)
+QUANTITIES = {0: "unknown", 1: "general", 2: "stress", 3: "strain", 5: "temperature", 6: "heat flux", 8: "displacement",
+              9: "reaction force", 11: "velocity", 12: "acceleration", 13: "excitation force", 15: "pressure", 16: "mass",
+              17: "time", 18: "frequency", 19: "rpm", 20: "order"}  # fmt: skip
+MOTIONS = {"displacement": "receptance", "velocity": "mobility", "acceleration": "accelerance"}
+FORCES = ("reaction force", "excitation force")
 
 
 @dataclass(frozen=True)
 class ResponseFunction:
     """A dataset 58: values over the abscissa (Hz for a frequency response), response and reference DOF (node, direction).
 
-    source: the file, its hash and the reader.
+    attrs: what the file says of its axes, "abscissa", "ordinate" and "denominator", each with "quantity" ("acceleration", ...),
+    "label" and "units" as in the file, which are not converted. source: the file, its hash and the reader.
     """
 
     title: str
@@ -39,7 +45,16 @@ class ResponseFunction:
     reference: tuple[int, int]
     abscissa: FloatArray
     values: Any
+    attrs: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
     source: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def quantity(self) -> str:
+        """What is over what: "receptance", "mobility" or "accelerance" of a force, else such as "strain / excitation force"."""
+        over, under = (self.attrs.get(axis, {}).get("quantity", "unknown") for axis in ("ordinate", "denominator"))
+        if under in FORCES and over in MOTIONS:
+            return MOTIONS[over]
+        return over if under in ("unknown", "general") else f"{over} / {under}"
 
 
 @dataclass(frozen=True)
@@ -141,6 +156,18 @@ def _mode(path: Path, section: Section) -> tuple[float, list[tuple[int, int]], F
     return frequency, labels, values.ravel()
 
 
+def _axes(section: Section) -> dict[str, dict[str, str]]:
+    """Records 8 to 10: I10, 3I5, 1X, A20, 1X, A20. What is not there is "unknown" and ""."""
+    out = {}
+    for line, axis in enumerate(("abscissa", "ordinate", "denominator"), 7):
+        text = section.lines[line]
+        code = text[:10].strip()
+        named = QUANTITIES.get(int(code), f"type {code}") if code.isdigit() else "unknown"
+        words = [one_line(part) for part in (text[26:46], text[47:67])]
+        out[axis] = {"quantity": named, **{k: "" if w == "NONE" else w for k, w in zip(("label", "units"), words, strict=True)}}
+    return out
+
+
 def _function(path: Path, section: Section) -> ResponseFunction:
     fields = section.lines[5].split() if len(section.lines) > 11 else []
     try:
@@ -159,4 +186,4 @@ def _function(path: Path, section: Section) -> ResponseFunction:
     abscissa = first + step * np.arange(count) if even else table[:, 0]
     ordinate = table[:, width - parts :]
     values = ordinate[:, 0] + 1j * ordinate[:, 1] if parts == 2 else ordinate[:, 0]
-    return ResponseFunction(one_line(section.lines[0]), kind, response, reference, abscissa, values)
+    return ResponseFunction(one_line(section.lines[0]), kind, response, reference, abscissa, values, _axes(section))

@@ -11,12 +11,23 @@ import numpy as np
 from flexplant.errors import InputError
 
 PER_LINE = 4
+KEYWORDS = ("break", "case", "catch", "classdef", "continue", "else", "elseif", "end", "for", "function", "global", "if",
+            "otherwise", "parfor", "persistent", "return", "spmd", "switch", "try", "while")  # fmt: skip  # of MATLAB
 
 
 def identifier(text: str) -> str:
     """A C identifier from any text."""
     name = re.sub(r"[^0-9A-Za-z]+", "_", text).strip("_") or "plant"
     return f"p_{name}" if name[0].isdigit() else name
+
+
+def matlab_name(stem: str) -> str:
+    """The stem of a `.m` file; InputError for one that MATLAB and Octave cannot call."""
+    if not re.fullmatch(r"[A-Za-z][A-Za-z0-9_]{0,62}", stem) or stem in KEYWORDS:
+        mended = identifier(stem)[:63]
+        other = f"{mended}_model" if mended in KEYWORDS else mended
+        raise InputError(f"{stem + '.m'!r} cannot be called: MATLAB wants letters, digits and _ ; name it {other + '.m'!r}")
+    return stem
 
 
 def constants(prefix: str, names: Sequence[str]) -> list[str]:

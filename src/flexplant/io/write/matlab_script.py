@@ -11,7 +11,7 @@ from pathlib import Path
 from flexplant.io.formats import Writer
 from flexplant.io.parse.own_plant import Plant
 from flexplant.io.write.atomic import replacing
-from flexplant.io.write.c_text import comment, identifier
+from flexplant.io.write.c_text import comment, matlab_name
 from flexplant.io.write.mat import NAME as DATA
 from flexplant.io.write.mat import write_plant as write_mat
 from flexplant.io.write.ownership import mark, written_as
@@ -44,15 +44,15 @@ end
 
 
 def write_plant(plant: Plant, path: Path, *, target: Path) -> None:
-    """The function at `path`, its data beside `target`; the file's stem must be a MATLAB name, else it is made one."""
-    name = identifier(target.stem)
+    """The function at `path`, its data beside `target`; InputError where the file's stem is no MATLAB name."""
+    name = matlab_name(target.stem)
     with replacing(_data(target)) as work:
         write_mat(plant, work)
     path.write_text(SCRIPT.format(name=name, title=comment(plant.name), mark=mark(NAME)), encoding="utf-8")
 
 
 def _data(target: Path) -> Path:
-    return target.with_name(f"{identifier(target.stem)}.mat")
+    return target.with_suffix(".mat")
 
 
 def _written_as(path: Path) -> str:

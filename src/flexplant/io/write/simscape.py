@@ -14,7 +14,7 @@ import scipy.linalg
 
 from flexplant.errors import InputError
 from flexplant.io.formats import Writer
-from flexplant.io.write.c_text import comment
+from flexplant.io.write.c_text import comment, matlab_name
 from flexplant.io.write.ownership import mark
 from flexplant.model.arrays import FloatArray, dense
 from flexplant.model.component import Component
@@ -24,11 +24,12 @@ NAME = "simscape"
 SIX = [1, 2, 3, 4, 5, 6]
 
 
-def write_component(component: Component, path: Path) -> None:
+def write_component(component: Component, path: Path, *, target: Path) -> None:
     """The script, which defines `rom` with Origins (units as in the component), Orientations, K, M, C.
 
-    Raises InputError where a boundary node has not all six DOF in order, or no position.
+    Raises InputError where a boundary node has not all six DOF in order, or no position, or the stem is no MATLAB name.
     """
+    matlab_name(target.stem)
     nodes = component.nodes
     if nodes is None:
         raise InputError(f"component {component.name!r} has no node positions, which the interface frames need")
