@@ -204,7 +204,8 @@ def shift_invert(
     the last group of equal ones, which takes one more factorisation (verify_count: True always, False never, None where it
     is cheap beside the solutions). Where fewer were found a wider block tries again, and SolverError follows.
     """
-    block = BLOCK if factor.fill < DENSE_FACTOR * problem.mass.shape[0] else 2 * BLOCK
+    narrow = factor.backend == "supernodal" or factor.fill < DENSE_FACTOR * problem.mass.shape[0]
+    block = BLOCK if narrow else 2 * BLOCK
     widest = WIDER * block
     while True:
         found, columns = _searched(factor, problem, wanted, block, shift, rigid, memory_limit, progress)
