@@ -171,3 +171,14 @@ def test_results_replace_results(tmp_path: Path) -> None:
     from flexplant.io import read_results
 
     assert read_results(path).attrs == {"title": "mine"}
+
+
+@pytest.mark.parametrize(("first", "second"), [("op4", "mat"), ("mat", "op4")])
+def test_a_sidecar_is_not_put_beside_a_superelement(first: str, second: str, tmp_path: Path) -> None:
+    """A `.yaml` of the same stem says what plain matrices are, and would be read for the `.op4` too."""
+    write_component(component(), tmp_path / f"x.{first}")
+    before = content(tmp_path)
+    with pytest.raises(WriteError, match="parts of one model"):
+        write_component(component(), tmp_path / f"x.{second}")
+    assert content(tmp_path) == before
+    assert read_component(tmp_path / f"x.{first}").boundary.pairs == component().boundary.pairs

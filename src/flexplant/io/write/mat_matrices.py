@@ -78,5 +78,6 @@ WRITER = Writer(
     tested_against="Octave 7",
     holds=frozenset({"recovery", "recovery rates"}),
     beside=beside,
+    apart=(".op4", ".op2"),  # which would read the sidecar for theirs
     writers={"write_component": write_component},
 )

@@ -116,6 +116,7 @@ WRITER = Writer(
     tested_against="pyYeti, MYSTRAN 18.0",
     holds=frozenset({"recovery", "structural_damping"}),
     beside=beside,
+    apart=(".yaml", ".yml"),  # a sidecar, by which the file would be read instead
     written_as=op4_written_as,
     writers={"write_component": write_component},
 )

@@ -93,7 +93,7 @@ def check_replaced(writer: Writer, what: str, target: Path, sources: Iterable[st
         return
     partner = next((p for ending in writer.apart if (p := sibling(target, ending)) is not None), None)
     if partner is not None:
-        text = f"{target.name!r} would be taken for a part of {partner.name}, which stands there"
+        text = f"{target.name!r} and {partner.name}, which stands there, would be taken for parts of one model"
         raise WriteError(f"{text}; name another target, or pass overwrite=True (--force)")
     expected = {writer.name, *OWN_KINDS.get(what, ())}
     for file in files:
