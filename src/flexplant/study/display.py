@@ -39,6 +39,24 @@ def structure_view(study: StudySpec, folder: Path, system: System, modes: Modes)
     )
 
 
+def shape_notes(study: StudySpec, folder: Path, system: System, modes: Modes) -> tuple[str, ...]:
+    """Why mode shapes that the study asks for are not in the report; nothing where it asks for none."""
+    if "mode_shapes" not in study.report.model_fields_set:
+        return ()
+    display, notes = study.report.display, []
+    if absent := [str(number) for number in study.report.mode_shapes if not 0 < number <= len(modes)]:
+        notes.append(f"report.mode_shapes: there is no mode {', '.join(absent)}; the study solves for modes 1 to {len(modes)}")
+    blind = []
+    for name, spec in study.components.items():
+        if display not in system.component(name).recovery:
+            blind.append(f"component {name!r} brings no recovery {display!r}")
+        elif _mesh(folder / spec.file, spec) is None:
+            blind.append(f"component {name!r} brings no display mesh in its file")
+    if blind and study.report.mode_shapes:
+        notes.append(f"report.mode_shapes: {'; '.join(blind)}, so its motion cannot be drawn")
+    return tuple(notes)
+
+
 def _mesh(path: Path, spec: ComponentSpec) -> DisplayMesh | None:
     try:
         sidecar = {"sidecar": path.parent / str(spec.options["sidecar"])} if "sidecar" in spec.options else {}

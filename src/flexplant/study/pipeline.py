@@ -15,7 +15,7 @@ from flexplant.model.arrays import checked_switch
 from flexplant.modes import normal_modes
 from flexplant.response.frequency import frequency_response
 from flexplant.study.assemble import assemble, files_read, read_components
-from flexplant.study.display import structure_view
+from flexplant.study.display import shape_notes, structure_view
 from flexplant.study.grid import frequency_grid
 from flexplant.study.line_of_sight import line_of_sight
 from flexplant.study.load import load_study
@@ -95,6 +95,7 @@ def _result(study: StudySpec, path: Path, steps: _Steps) -> StudyResult:
         line_of_sight=loop,
         provenance=provenance(study, path, system) | {"Seconds": {k: round(v, 2) for k, v in steps.seconds().items()}},
         seconds=steps.seconds(),
+        notes=shape_notes(study, folder, system, modes),
     )
     return replace(found, tables=study_tables(found, compared), summary=summary(found, compared), compared=compared)
 

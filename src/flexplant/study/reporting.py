@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 
+import numpy as np
 import plotly.graph_objects as go
 
 from flexplant.report import Item, Plot, Report, Section, StructureView, Tile
@@ -26,6 +27,7 @@ from flexplant.study.summary import length
 from flexplant.study.tables import modes_table, response_table
 
 HALF_POWER_DB = -3.0103
+ROUND_OFF = 1e-10  # of the response that two channels' modes could give together
 
 
 def report(result: StudyResult, view: StructureView | None) -> Report:
@@ -83,6 +85,7 @@ def _sections(result: StudyResult, view: StructureView | None) -> Iterator[Secti
 def _mode_items(result: StudyResult, view: StructureView | None) -> Iterator[Item]:
     if view is not None:
         yield view
+    yield from (f"Note: {note}." for note in result.notes)
     if result.compared is None:
         yield modes_table(result.modes)
         return
@@ -110,9 +113,32 @@ def _response_items(result: StudyResult) -> Iterator[Item]:
     if result.response["frequency"].size == 1:
         yield response_table(result.response)
     outputs, inputs = (result.response[d].values for d in ("output", "input"))
+    curves = {str(result.plant.name): result.response}
     for output in outputs[: 6 if result.response["frequency"].size > 1 else 0]:
-        curves = {str(result.plant.name): result.response}
+        if (largest := round_off_height(result, str(output), str(inputs[0]))) is not None:
+            yield (
+                f"{output} / {inputs[0]} is not drawn: it is at most {largest:.1e}, round-off of a response that is zero, as by "
+                "symmetry."
+            )
+            continue
         yield Plot(transfer_function(curves, output=str(output), input=str(inputs[0]), title=f"{output} / {inputs[0]}"))
+
+
+def round_off_height(result: StudyResult, output: str, given: str) -> float | None:
+    """Largest magnitude of an entry whose modes' contributions are zero to round-off beside what the two channels could share.
+
+    By Cauchy and Schwarz the sum of |phi_y phi_u| / (2 zeta w^2) is at most the product of both channels' norms in that weight.
+    None for an entry that is there, and for rates, which have no displacement rows.
+    """
+    plant = result.plant
+    assert plant.shape_out is not None
+    flexible = slice(plant.n_rigid, None)
+    weight = 1 / (np.maximum(plant.zeta[flexible], 1e-6) * plant.omega[flexible] ** 2)
+    y = plant.shape_out[list(plant.outputs).index(output), flexible]
+    u = plant.shape_in[flexible, list(plant.inputs).index(given)]
+    shared = float(np.sqrt((weight * y**2).sum() * (weight * u**2).sum()))
+    largest = float(abs(result.response.sel(output=output, input=given)).max())
+    return largest if shared > 0 and largest < ROUND_OFF * shared else None
 
 
 def _truth_figure(result: StudyResult, truth: TruthResult) -> go.Figure:

@@ -84,7 +84,7 @@ class StudyResult:
     """A finished study.
 
     checks: of the coupled model. compared: with the reference, if there is one. component_checks: by component name.
-    seconds: what each step took. files: what was written, by kind.
+    notes: what was asked and cannot be shown. seconds: what each step took. files: what was written, by kind.
     """
 
     study: StudySpec
@@ -99,6 +99,7 @@ class StudyResult:
     line_of_sight: LineOfSightResult | None = None
     tables: tuple[Table, ...] = ()
     summary: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
     provenance: Mapping[str, Mapping[str, object]] = field(default_factory=dict)
     seconds: Mapping[str, float] = field(default_factory=dict)
     files: Mapping[str, Path] = field(default_factory=dict)
@@ -107,7 +108,7 @@ class StudyResult:
         """Summary, tables, verdict and where the files are, for a terminal."""
         failed = [f"  FAILED {c.name}: {c.value:.6g} {c.unit} (limit {c.limit:.6g}). {c.explanation}" for c in self.checks.failed]
         passed = len(self.checks.checks) - len(failed)
-        notes = [f"  note: {note}" for note in self.checks.notes]
+        notes = [f"  note: {note}" for note in (*self.checks.notes, *self.notes)]
         verdict = "\n".join([f"{passed} of {len(self.checks.checks)} checks passed", *failed, *notes])
         parts = [self.study.title, *self.summary, *(str(worst_rows(t)) for t in self.tables), verdict]
         if self.files:
