@@ -89,3 +89,15 @@ def test_mean_sampling_is_the_mean_of_each_interval():
 def test_errors(call, message):
     with pytest.raises(InputError, match=message):
         call()
+
+
+def test_tones_above_half_the_sampling_rate_are_told():
+    """960 Hz seen every millisecond is 40 Hz."""
+    time = np.arange(100) * 1e-3
+    fast = Tones(frequency_hz=[960.0, 2000.0], amplitude=[[1.0, 0.0]], inputs=["f"])
+    with pytest.warns(
+        UserWarning, match=r"a tone of 960 Hz is sampled at 1000 Hz and appears as one of 40 Hz: use a step below 0\.0005208"
+    ):
+        seen = tone_signal(fast, time)
+    assert np.allclose(seen, tone_signal(Tones(frequency_hz=[40.0], amplitude=[[1.0]], inputs=["f"]), time), atol=1e-9)
+    assert tone_signal(Tones(frequency_hz=[499.0], amplitude=[[1.0]], inputs=["f"]), time).shape == (1, 100)

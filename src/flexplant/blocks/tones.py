@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -48,6 +49,7 @@ def tone_signal(tones: Tones, time: npt.ArrayLike, *, sampling: str = "point") -
 
     sampling "point": the values at the instants; the right samples for a first-order hold. "mean": the mean of each interval
     [t_k, t_k+1], the right samples for a zero-order hold, which then has no half-step lag.
+    Warns where a tone lies above half the sampling rate: its samples are those of a slower tone.
     """
     expect(tones, Tones, "tone_signal", "wheel_tones(wheel, omega_hz) makes them")
     t = np.atleast_1d(real_values(time, "time"))
@@ -60,8 +62,27 @@ def tone_signal(tones: Tones, time: npt.ArrayLike, *, sampling: str = "point") -
             raise InputError("tone_signal: sampling='mean' needs at least two instants, to know the step")
         half = np.pi * tones.frequency_hz * (t[1] - t[0])
         amplitude = amplitude * (np.sinc(half / np.pi) * np.exp(1j * half))
-    phase = 2 * np.pi * np.outer(tones.frequency_hz, t)
+    _warn_if_aliased(tones, t)
+    return summed(amplitude, tones.frequency_hz, t)
+
+
+def summed(amplitude: npt.NDArray[np.complex128], frequency_hz: FloatArray, t: FloatArray) -> FloatArray:
+    """(n, nt) sum over k of Re(a_k exp(i 2 pi f_k t)), amplitude (n, k)."""
+    phase = 2 * np.pi * np.outer(frequency_hz, t)
     return np.asarray(amplitude.real @ np.cos(phase) - amplitude.imag @ np.sin(phase))
+
+
+def _warn_if_aliased(tones: Tones, t: FloatArray) -> None:
+    heard = tones.frequency_hz[(tones.amplitude != 0).any(axis=0)]
+    if t.size < 2 or t[1] <= t[0] or not heard.size or heard.max() * (t[1] - t[0]) <= 0.5:
+        return
+    top, rate = float(heard.max()), 1 / float(t[1] - t[0])
+    warnings.warn(
+        f"a tone of {top:.6g} Hz is sampled at {rate:.6g} Hz and appears as one of {abs(top - rate * round(top / rate)):.6g} Hz: "
+        f"use a step below {0.5 / top:.4g} s; linear systems take Tones without samples",
+        UserWarning,
+        stacklevel=3,
+    )
 
 
 def rms(tones: Tones) -> FloatArray:

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 import xarray as xr
 
-from flexplant.blocks.tones import Tones, tone_signal
+from flexplant.blocks.tones import Tones, summed, tone_signal
 from flexplant.errors import InputError, expect_count, expect_function, nearest
 from flexplant.loop.cascade import Cascade, Simulated, simulated
 from flexplant.loop.loop_recursion import recursion_of
@@ -84,7 +84,7 @@ def _check_every(every: int) -> None:
 
 
 def _tone_samples(tones: Tones, names: list[str], t: FloatArray) -> FloatArray:
-    return _real_sum(input_amplitudes(tones, names), tones, t)
+    return tone_signal(Tones(frequency_hz=tones.frequency_hz, amplitude=input_amplitudes(tones, names), inputs=names), t)
 
 
 def _under_tones(
@@ -97,17 +97,12 @@ def _under_tones(
     first, last = np.zeros((2, cascade.n_states))
     for state, instant in ((first, t[0]), (last, t[-1])):
         state[order] = (states * np.exp(2j * np.pi * tones.frequency_hz * instant)).real.sum(axis=1)
-    z = _real_sum(output_amplitudes(cascade, states, amplitude), tones, t)
+    z = summed(output_amplitudes(cascade, states, amplitude), tones.frequency_hz, t)
     if not (isinstance(initial, str) and initial == "steady_state"):
         recursion = recursion_of(cascade, dt, initial_state(cascade.n_states, initial) - first, hold)
         free = march(recursion, None, t.size, (len(names), cascade.D.shape[0]))
         z, last = z + free.outputs, last + free.final_state
-    return z, _real_sum(amplitude, tones, t), last
-
-
-def _real_sum(amplitude: npt.NDArray[np.complex128], tones: Tones, t: FloatArray) -> FloatArray:
-    names = [str(k) for k in range(amplitude.shape[0])]
-    return tone_signal(Tones(frequency_hz=tones.frequency_hz, amplitude=amplitude, inputs=names), t)
+    return z, summed(amplitude, tones.frequency_hz, t), last
 
 
 def _kept(outputs: Sequence[str] | None, known: list[str]) -> list[str]:
