@@ -122,7 +122,7 @@ def test_what_was_read_is_never_replaced(tmp_path: Path) -> None:
     read = read_component(op4)
     before = content(tmp_path)
     for target in ("bus.op4", "bus.pch"):
-        with pytest.raises(WriteError, match="belongs to what is to be written"):
+        with pytest.raises(WriteError, match="belongs to the source of what is to be written"):
             write_component(read, tmp_path / target, overwrite=True)
     with pytest.raises(WriteError, match="belongs to"):
         convert(op4, tmp_path / "bus.pch", overwrite=True)

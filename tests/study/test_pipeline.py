@@ -54,6 +54,7 @@ def test_a_study_writes_the_plant_for_other_programs(tmp_path):
         ("{to: mat, dt_s: 0.1}", "dt_s is an option of c and fmu, not of mat"),
         ("{to: fmu, hold: first}", "hold is an option of c, not of fmu"),
         ("{to: fmu, name: ../plant}", "export.0.name"),
+        ("{to: m, name: end}", "'end' is a word of MATLAB's own"),
         ("{to: xlsx}", "'c', 'fmu'"),
         ("{to: fmu}, {to: fmu, fmi: 3}", "export writes plant.fmu twice"),
     ],

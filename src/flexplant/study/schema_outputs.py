@@ -6,6 +6,7 @@ from typing import Literal
 
 from pydantic import Field, model_validator
 
+from flexplant.io.write.c_text import KEYWORDS
 from flexplant.study.fields import Positive, Section
 
 
@@ -54,6 +55,8 @@ class ExportSpec(Section):
     def _options_of_the_format(self) -> ExportSpec:
         if self.to == "c" and self.dt_s is None:
             raise ValueError("C source runs at a fixed step: give dt_s, in seconds")
+        if self.to == "m" and self.name in KEYWORDS:
+            raise ValueError(f"{self.name!r} is a word of MATLAB's own, so the function could not be called; give another name")
         for key, formats in (("dt_s", ("c", "fmu")), ("hold", ("c",)), ("fmi", ("fmu",))):
             if getattr(self, key) is not None and self.to not in formats:
                 raise ValueError(f"{key} is an option of {' and '.join(formats)}, not of {self.to}")

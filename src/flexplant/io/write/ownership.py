@@ -88,7 +88,7 @@ def check_replaced(writer: Writer, what: str, target: Path, sources: Iterable[st
     read = [as_path(source) for source in sources]
     for file in files:
         if any(source.is_file() and source.samefile(file) for source in read):
-            raise WriteError(f"{file} belongs to what is to be written, and would be replaced by it; name another target")
+            raise WriteError(f"{file} belongs to the source of what is to be written, and is never replaced; name another target")
     if overwrite:
         return
     partner = next((p for ending in writer.apart if (p := sibling(target, ending)) is not None), None)
