@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -135,3 +136,17 @@ def test_a_stiff_small_part_has_no_mode_below_the_limit():
     assert component.n_modal == 0
     assert component.report.complete_below_hz == pytest.approx(150)
     assert component.report.proved
+
+
+def test_a_mechanism_that_turns_about_two_held_nodes_is_named_by_its_axis():
+    """The solid held at two opposite corners turns about the line through them, however its motion looks in x, y and z."""
+    positions = SOLID.nodes.positions
+    ends = [int(SOLID.nodes.ids[np.argmin(np.linalg.norm(positions - p, axis=1))]) for p in (positions.min(0), positions.max(0))]
+    with pytest.raises(SolverError, match=r"rotation about the axis along \(.*\) through \(.*\) of \d+ nodes") as error:
+        fp.craig_bampton(SOLID, [(n, "123") for n in ends], n_modes=4)
+    vectors = [
+        np.array(text.split(", "), dtype=float) for text in re.findall(r"\(([-\d.e]+, [-\d.e]+, [-\d.e]+)\)", str(error.value))
+    ]
+    line = positions[ends[1] - 1] - positions[ends[0] - 1]
+    assert abs(vectors[0] @ line) / np.linalg.norm(line) == pytest.approx(1, abs=5e-3)
+    assert np.linalg.norm(np.cross(vectors[1] - positions[ends[0] - 1], line)) < 2e-2 * np.linalg.norm(line) ** 2

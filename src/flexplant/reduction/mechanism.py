@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import numpy.typing as npt
 import scipy.linalg as la
 
 from flexplant.model.arrays import FloatArray, IntArray
@@ -39,4 +40,20 @@ def _pattern(model: FiniteElementModel, rows: IntArray, motion: FloatArray) -> s
         return None
     names = np.array(NAMES)[size > 0]
     chosen = [str(names[k]) for k in np.argsort(-abs(share)) if abs(share[k]) > 0.1 * abs(share).max()]
-    return f"{' and '.join(chosen)} of {ids.size} node{'s' if ids.size > 1 else ''}"
+    words = " and ".join(chosen) if len(chosen) <= 2 else _screw(share / size[size > 0], size > 0, center)
+    return f"{words} of {ids.size} node{'s' if ids.size > 1 else ''}"
+
+
+def _screw(motion: FloatArray, known: npt.NDArray[np.bool_], center: FloatArray) -> str:
+    """A rigid motion about no axis of the basic frame: the axis that it turns about, or the direction in which it moves."""
+    twist = np.zeros(6)
+    twist[known] = motion
+    move, turn = twist[:3], twist[3:]
+    if not turn.any():
+        return f"translation along {_vector(move / np.linalg.norm(move))}"
+    through = center + np.cross(turn, move) / (turn @ turn)
+    return f"rotation about the axis along {_vector(turn / np.linalg.norm(turn))} through {_vector(through)}"
+
+
+def _vector(values: FloatArray) -> str:
+    return "(" + ", ".join(f"{value + 0.0:.3g}" for value in np.where(abs(values) < 1e-6 * abs(values).max(), 0.0, values)) + ")"
