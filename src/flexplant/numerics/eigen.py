@@ -107,8 +107,8 @@ def _finite_modes(k: FloatArray, m: FloatArray) -> tuple[FloatArray, FloatArray]
     split = split_semidefinite(m)
     if split.lowest < -INDEFINITE:
         raise SolverError(
-            f"the mass matrix is indefinite (smallest eigenvalue {split.lowest:.3g} of a unit diagonal): check masses and their "
-            "units, and of components that every interface is coupled"
+            f"the mass matrix is indefinite (smallest eigenvalue {split.lowest:.3g} of a unit diagonal): check the model's or "
+            "components' masses, their units, and that every interface of components is coupled"
         )
     if not split.null.shape[1]:
         values, vectors = la.eigh(k, m)
@@ -277,8 +277,8 @@ def _refuse_indefinite(mass: Any) -> None:
     negative = factorize(sp.csc_array(mass + sp.diags_array(INDEFINITE * size))).negative_pivots
     if negative:
         raise SolverError(
-            f"the mass matrix is indefinite ({negative} negative eigenvalues): check masses and their units, and of components "
-            "that every interface is coupled"
+            f"the mass matrix is indefinite ({negative} negative eigenvalues): check the model's or components' masses, their "
+            "units, and that every interface of components is coupled"
         )
 
 
