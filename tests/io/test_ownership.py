@@ -182,3 +182,9 @@ def test_a_sidecar_is_not_put_beside_a_superelement(first: str, second: str, tmp
         write_component(component(), tmp_path / f"x.{second}")
     assert content(tmp_path) == before
     assert read_component(tmp_path / f"x.{first}").boundary.pairs == component().boundary.pairs
+
+
+def test_a_path_that_cannot_be_looked_up_is_told_as_such() -> None:
+    for path in ("x" * 5000 + ".op4", "x" * 300 + ".mat"):
+        with pytest.raises(WriteError, match="cannot write"):
+            write_component(component(), path)

@@ -15,7 +15,7 @@ from flexplant.io.parse.h5 import SIGNATURE
 from flexplant.io.parse.own_plant import Plant
 from flexplant.io.plausibility import Model, first_frequencies, plausibility, quantities
 from flexplant.io.registry import Units, read_component, read_geometry, read_model, recognise
-from flexplant.io.write.ownership import written_as
+from flexplant.io.write.ownership import is_file, written_as
 from flexplant.model.component import Component
 from flexplant.plant.modal import ModalPlant
 from flexplant.verification.checks import Table
@@ -115,7 +115,7 @@ def _reads_as_geometry(path: str | Path, wanted: str | None) -> bool:
 
 
 def _is_results(path: Path) -> bool:
-    return path.is_file() and (written_as(path) == "netcdf" or (path.suffix in NETCDF and read_head(path).startswith(SIGNATURE)))
+    return is_file(path) and (written_as(path) == "netcdf" or (path.suffix in NETCDF and read_head(path).startswith(SIGNATURE)))
 
 
 def _result_rows(path: Path) -> list[tuple[object, ...]]:

@@ -19,10 +19,13 @@ def replacing(path: str | Path) -> Iterator[Path]:
     folder that is missing or cannot be written.
     """
     path = Path(path)
-    if path.is_dir():
-        raise WriteError(f"cannot write {path}: this is a folder; give a file name")
-    if not path.parent.is_dir():
-        raise WriteError(f"cannot write {path}: there is no folder {path.parent}")
+    try:
+        if path.is_dir():
+            raise WriteError(f"cannot write {path}: this is a folder; give a file name")
+        if not path.parent.is_dir():
+            raise WriteError(f"cannot write {path}: there is no folder {path.parent}")
+    except (OSError, ValueError) as error:  # a name too long, a NUL in it
+        raise WriteError(f"cannot write {str(path)[:60]}...: {getattr(error, 'strerror', None) or error}") from None
     work = path.with_name(f".{uuid.uuid4().hex[:12]}.part{path.suffix}")
     try:
         yield work

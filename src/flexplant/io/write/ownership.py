@@ -15,7 +15,7 @@ from typing import Any
 
 from flexplant.errors import WriteError
 from flexplant.io.formats import Writer
-from flexplant.io.parse.files import as_path, read_head, sibling
+from flexplant.io.parse.files import as_path, read_head
 from flexplant.io.parse.h5 import SIGNATURE, attribute_of, header_of
 from flexplant.io.parse.names import WRITTEN_BY
 from flexplant.io.parse.npz import BROKEN
@@ -82,16 +82,28 @@ def files_of(value: Any) -> list[Path]:
     return [Path(p) for p in (first, *(others if isinstance(others, Mapping) else ())) if isinstance(p, str)]
 
 
+def is_file(path: Path) -> bool:
+    """Whether a file is there; False for a path that the system refuses to look up, which opening it will tell."""
+    try:
+        return path.is_file()
+    except (OSError, ValueError):
+        return False
+
+
+def _either_case(target: Path, ending: str) -> tuple[Path, Path]:
+    return target.with_suffix(ending), target.with_suffix(ending.upper())
+
+
 def check_replaced(writer: Writer, what: str, target: Path, sources: Iterable[str | Path], overwrite: bool) -> None:
     """WriteError where writing would replace a file of the sources, or (unless overwrite) one that is not ours of this kind."""
-    files = [file for file in (target, *writer.beside(target)) if file.is_file()]
+    files = [file for file in (target, *writer.beside(target)) if is_file(file)]
     read = [as_path(source) for source in sources]
     for file in files:
-        if any(source.is_file() and source.samefile(file) for source in read):
+        if any(is_file(source) and source.samefile(file) for source in read):
             raise WriteError(f"{file} belongs to the source of what is to be written, and is never replaced; name another target")
     if overwrite:
         return
-    partner = next((p for ending in writer.apart if (p := sibling(target, ending)) is not None), None)
+    partner = next((p for ending in writer.apart for p in _either_case(target, ending) if is_file(p)), None)
     if partner is not None:
         text = f"{target.name!r} and {partner.name}, which stands there, would be taken for parts of one model"
         raise WriteError(f"{text}; name another target, or pass overwrite=True (--force)")
