@@ -16,7 +16,7 @@ from flexplant.reduction.accuracy import SAMPLES, best_of_size, chosen_for
 from flexplant.reduction.bound import round_off
 from flexplant.reduction.budget import Drawn
 from flexplant.reduction.component import basis_bytes, checked_extras, hcb_component
-from flexplant.reduction.interior import Interior, fixed_interface, load_columns
+from flexplant.reduction.interior import Interior, damper_columns, fixed_interface, load_columns
 from flexplant.reduction.partition import Partition
 from flexplant.reduction.reduced import ReducedComponent, ReductionReport, Storage
 
@@ -56,6 +56,7 @@ def craig_bampton(
     the vectors that the worst boundary motions below it need most, drawn from a larger basis; the report states the bound.
     loads: interior DOF where forces will act; their static answers, and further blocks of them, join the residual vectors.
     "component.node.direction" then names them as inputs and outputs of a plant (`Component.interior`).
+    Static answers to discrete dampers inside the model (`with_dampers`) join too, unless damping_ratio replaces the dampers.
     damping_ratio: modal damping of q (equation 4); without it a physical damping matrix of the model is projected.
     structural_damping: (n, n) matrix D of a complex stiffness K + i D, or a loss factor g for D = g K; projected.
     recover: DOF whose displacements become the recovery "displacement", labels "node.direction".
@@ -81,6 +82,8 @@ def craig_bampton(
     part = Partition.of(model, boundary, threads=threads, memory_limit=memory_limit, backend=backend)
     loads = DofSet.of(loads)
     forces = load_columns(part, loads)
+    if damping_ratio is None:
+        forces = np.hstack([forces, damper_columns(part)])
     verified = None
     if accuracy is not None and max_frequency_hz is not None and part.i.size:
         interior, verified = chosen_for(part, accuracy, max_frequency_hz, forces, progress)

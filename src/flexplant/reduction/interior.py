@@ -8,9 +8,10 @@ from functools import cached_property
 
 import numpy as np
 import scipy.linalg as la
+import scipy.sparse as sp
 
 from flexplant.errors import InputError
-from flexplant.model.arrays import FloatArray
+from flexplant.model.arrays import FloatArray, dense
 from flexplant.model.dofs import DofSet
 from flexplant.numerics.eigen import Wanted, dense_lowest, shift_invert
 from flexplant.numerics.eigen_small import is_dense
@@ -20,6 +21,7 @@ from flexplant.reduction.partition import Partition, project, symmetric
 
 DENSE_LIMIT = 200  # interior DOF up to which a dense solution of all modes is the fastest
 BASIS_SHARE = 0.25  # of a given memory limit, for the Lanczos basis
+DAMPED = 60  # interior DOF at dampers, up to which each damper gets vectors of its own
 INDEPENDENT = 1e-9  # part of a Ritz vector that is new, below which it adds round-off only
 
 
@@ -207,6 +209,24 @@ def load_columns(part: Partition, loads: DofSet | Iterable[tuple[int, int | str]
     inside = rows[np.isin(rows, part.i)]
     columns = np.zeros((part.i.size, inside.size))
     columns[np.searchsorted(part.i, inside), np.arange(inside.size)] = 1.0
+    return columns
+
+
+def damper_columns(part: Partition) -> FloatArray:
+    """(n_i, k) directions of the forces of discrete dampers inside the model, for Ritz vectors like those of loads.
+
+    The range of the interior columns of Z, where few DOF have any; damping spread over the model (proportional) needs none.
+    """
+    if part.model.damping is None:
+        return np.zeros((part.i.size, 0))
+    damping = sp.csr_array(part.model.damping)[part.i]
+    held = np.flatnonzero(np.diff(damping.indptr))
+    if not 0 < held.size <= min(DAMPED, part.i.size // 4):
+        return np.zeros((part.i.size, 0))
+    values, vectors = la.eigh(dense(damping[held][:, part.i[held]]))
+    kept = vectors[:, values > INDEPENDENT * values[-1]]
+    columns = np.zeros((part.i.size, kept.shape[1]))
+    columns[held] = kept
     return columns
 
 
