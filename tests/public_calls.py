@@ -288,7 +288,7 @@ def blocks() -> dict[str, Call]:
             fp.Wheel,
             {"amplitude": 1e-6, "harmonics": [1.0], "phase_rad": 0.0, "rotation": EYE, "inputs": list("abcdef")},
         ),
-        "wheel_disturbance": (fp.wheel_disturbance, {"wheel": wheel, "omega_hz": 1.0, "time": T, "sampling": "point"}),
+        "wheel_disturbance": (fp.wheel_disturbance, {"wheel": wheel, "omega_hz": 1.0, "time": T[:1], "sampling": "point"}),
         "wheel_tones": (fp.wheel_tones, {"wheel": wheel, "omega_hz": 1.0}),
     }
 

@@ -16,7 +16,7 @@ from typer.testing import CliRunner
 import flexplant as fp
 from flexplant.cli import app
 from flexplant.io import plausibility, read_component, read_model, write_component, write_model
-from flexplant.io.plausibility import quantities
+from flexplant.io.plausibility import Quantities, quantities
 
 CALCULIX = Path(__file__).parent / "calculix"
 SHOCKSAT = Path(__file__).parents[2] / "examples" / "shocksat" / "data"
@@ -161,3 +161,9 @@ def test_the_command_line_tells_it_in_one_line(tmp_path: Path) -> None:
 def test_units_that_nobody_stated_are_named_so() -> None:
     with pytest.warns(fp.PlausibilityWarning, match=r"\(units not stated: numbers as in the file\)"):
         read_component(TRUSS / "outboard.op4")
+
+
+@pytest.mark.parametrize("size", [1e-200, 1e200])
+def test_sizes_beyond_any_structure_are_judged_too(size):
+    rows = dict(Quantities(mass=1.0, size=size, frequency_hz=1.0).rows())
+    assert rows["mass over size cubed"] == (np.inf if size < 1 else 0.0)

@@ -48,7 +48,8 @@ class Quantities:
         yield "size", self.size
         yield "first elastic frequency", self.frequency_hz
         if self.size and self.mass:
-            density = self.mass / self.size**3
+            with np.errstate(all="ignore"):  # sizes of 1e200 and 1e-200 are no plausible ones either
+                density = float(np.float64(self.mass) / np.float64(self.size) ** 3)
             yield "mass over size cubed", density if self.whole else min(density, RANGES["mass over size cubed"][1])
         if self.size and self.frequency_hz:
             yield "frequency times size", self.frequency_hz * self.size

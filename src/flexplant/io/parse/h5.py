@@ -17,7 +17,7 @@ def write_h5(path: Path, arrays: dict[str, Any]) -> None:
     """Arrays and texts as data sets of the root group."""
     import h5py
 
-    with h5py.File(path, "w") as file:
+    with h5py.File(path, "w", libver=("v110", "v110")) as file:  # whose structures carry checksums, unlike the older ones
         for name, value in arrays.items():
             file.create_dataset(name, data=value)
 
