@@ -38,7 +38,7 @@ def frequency_response(system: Linear, frequency_hz: npt.ArrayLike, *, out: Comp
         return plant_frequency.frequency_response(system, frequency_hz, out=out)
     prepared, hz = DiagramResponse(system), plant_frequency.checked_frequencies(frequency_hz)
     memory = plant_frequency.checked_memory(out, (len(system.outputs), len(system.inputs), hz.size))
-    return _labelled(system, hz, plant_frequency.written(prepared(hz), memory))
+    return plant_frequency.labelled(system, hz, plant_frequency.written(prepared(hz), memory))
 
 
 def frequency_response_blocks(system: Linear, frequency_hz: npt.ArrayLike, *, block: int | None = None) -> Iterator[xr.DataArray]:
@@ -51,23 +51,7 @@ def frequency_response_blocks(system: Linear, frequency_hz: npt.ArrayLike, *, bl
         return plant_frequency.frequency_response_blocks(system, frequency_hz, block=block)
     prepared, hz = DiagramResponse(system), plant_frequency.checked_frequencies(frequency_hz)
     parts = plant_frequency.parts(hz, len(system.outputs) * len(system.inputs), block)
-    return (_labelled(system, part, prepared(part)) for part in parts)
-
-
-def _labelled(system: Diagram, hz: FloatArray, values: ComplexArray) -> xr.DataArray:
-    return xr.DataArray(
-        values,
-        dims=("output", "input", "frequency"),
-        coords={
-            "output": list(system.outputs),
-            "input": list(system.inputs),
-            "frequency": ("frequency", hz, {"units": "Hz"}),
-            "output_units": ("output", list(system.output_units)),
-            "input_units": ("input", list(system.input_units)),
-        },
-        name="frequency_response",
-        attrs={"plant": system.name},
-    )
+    return (plant_frequency.labelled(system, part, prepared(part)) for part in parts)
 
 
 class _Stage(NamedTuple):

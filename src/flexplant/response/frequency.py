@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -33,7 +33,7 @@ def frequency_response(plant: Plant, frequency_hz: npt.ArrayLike, *, out: Comple
     frequency that lies exactly on an undamped pole (at 0 Hz: on a rigid-body mode that the outputs see), naming the mode.
     """
     hz, evaluate = checked_frequencies(frequency_hz), evaluator(plant)
-    return _labelled(plant, hz, evaluate(hz, checked_memory(out, (len(plant.outputs), len(plant.inputs), hz.size))))
+    return labelled(plant, hz, evaluate(hz, checked_memory(out, (len(plant.outputs), len(plant.inputs), hz.size))))
 
 
 def frequency_response_blocks(plant: Plant, frequency_hz: npt.ArrayLike, *, block: int | None = None) -> Iterator[xr.DataArray]:
@@ -44,7 +44,7 @@ def frequency_response_blocks(plant: Plant, frequency_hz: npt.ArrayLike, *, bloc
     """
     hz, evaluate = checked_frequencies(frequency_hz), evaluator(plant)
     split = parts(hz, len(plant.outputs) * len(plant.inputs), block)
-    return (_labelled(plant, part, evaluate(part, None)) for part in split)
+    return (labelled(plant, part, evaluate(part, None)) for part in split)
 
 
 def parts(hz: FloatArray, channels: int, block: int | None) -> Iterator[FloatArray]:
@@ -88,19 +88,20 @@ def checked_memory(out: ComplexArray | None, shape: tuple[int, ...], owner: str 
     return out
 
 
-def _labelled(plant: Plant, hz: FloatArray, values: ComplexArray) -> xr.DataArray:
+def labelled(system: Any, hz: FloatArray, values: ComplexArray) -> xr.DataArray:
+    """Responses (output, input, frequency) with the names and units of a plant's or a diagram's channels."""
     return xr.DataArray(
         values,
         dims=("output", "input", "frequency"),
         coords={
-            "output": list(plant.outputs),
-            "input": list(plant.inputs),
+            "output": list(system.outputs),
+            "input": list(system.inputs),
             "frequency": ("frequency", hz, {"units": "Hz"}),
-            "output_units": ("output", list(plant.output_units)),
-            "input_units": ("input", list(plant.input_units)),
+            "output_units": ("output", list(system.output_units)),
+            "input_units": ("input", list(system.input_units)),
         },
         name="frequency_response",
-        attrs={"plant": plant.name},
+        attrs={"plant": system.name},
     )
 
 
