@@ -304,6 +304,10 @@ def test_residual_modes_of_equal_and_of_massless_inputs():
         system, inputs=["b.14.3", "a.2.1"], outputs=["b.14.3"], n_modes=14, damping_ratio=0.01, static_correction="modes"
     )
     assert (once.report["residual_modes"], both.report["residual_modes"]) == (1, 2)
+    joined = ["a.5.3", "b.11.3"]  # one node, seen from both sides of the joint
+    equal = modal_plant(system, inputs=joined, outputs=["b.14.3"], n_modes=14, damping_ratio=0.01, static_correction="modes")
+    assert equal.report["residual_modes"] == 1
+    assert np.allclose(equal.shape_in[:, 0], equal.shape_in[:, 1], rtol=0, atol=1e-9 * abs(equal.shape_in).max())
     assert (once.report["modes_kept"], once.n_modes, once.n_rigid) == (14, 15, 6)
     assert np.array_equal(np.sort(once.omega), once.omega)
     K = np.diag([4.0, 3.0, 3.0]) * 1e4 - 3e4 * (np.eye(3, k=1) * [0, 1, 0] + np.eye(3, k=-1) * [[0], [1], [0]])
