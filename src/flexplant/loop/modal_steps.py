@@ -36,6 +36,16 @@ def _kept(X, place, n, q, v, with_velocity):
 
 
 @compiled
+def _both_stepped(X, here, there, n, F, G, q, v, Q, V, f, g, with_velocity):
+    """Two groups of modes written to X, and a sample later."""
+    _kept(X, here, n, q, v, with_velocity)
+    _kept(X, there, n, Q, V, with_velocity)
+    q, v = _stepped(F, q, v, f)
+    Q, V = _stepped(G, Q, V, g)
+    return q, v, Q, V
+
+
+@compiled
 def _advanced(modes, phi, x, U, X, first, count, with_velocity):
     """Write the modes at `count` samples into X and move x on. modes: (6, n), phi: (nu, n), x: (2, n), U: (nu, samples)."""
     (nu, samples), n, width = U.shape, x.shape[1], X.shape[1]
@@ -59,34 +69,20 @@ def _advanced(modes, phi, x, U, X, first, count, with_velocity):
                 w = spread(U, u + 3)
                 f3, g3 = add(w, p, f3), add(w, P, g3)
             o = t * width
-            _kept(X, o + i, n, q, v, with_velocity)
-            _kept(X, o + j, n, Q, V, with_velocity)
-            q, v = _stepped(F, q, v, f0)
-            Q, V = _stepped(G, Q, V, g0)
+            q, v, Q, V = _both_stepped(X, o + i, o + j, n, F, G, q, v, Q, V, f0, g0, with_velocity)
             o += width
-            _kept(X, o + i, n, q, v, with_velocity)
-            _kept(X, o + j, n, Q, V, with_velocity)
-            q, v = _stepped(F, q, v, f1)
-            Q, V = _stepped(G, Q, V, g1)
+            q, v, Q, V = _both_stepped(X, o + i, o + j, n, F, G, q, v, Q, V, f1, g1, with_velocity)
             o += width
-            _kept(X, o + i, n, q, v, with_velocity)
-            _kept(X, o + j, n, Q, V, with_velocity)
-            q, v = _stepped(F, q, v, f2)
-            Q, V = _stepped(G, Q, V, g2)
+            q, v, Q, V = _both_stepped(X, o + i, o + j, n, F, G, q, v, Q, V, f2, g2, with_velocity)
             o += width
-            _kept(X, o + i, n, q, v, with_velocity)
-            _kept(X, o + j, n, Q, V, with_velocity)
-            q, v = _stepped(F, q, v, f3)
-            Q, V = _stepped(G, Q, V, g3)
+            q, v, Q, V = _both_stepped(X, o + i, o + j, n, F, G, q, v, Q, V, f3, g3, with_velocity)
         for t in range(whole, count):
             f0, g0 = zero(), zero()
             for k in range(nu):
                 w = spread(U, k * samples + first + t)
                 f0, g0 = add(w, load(phi, k * n + i), f0), add(w, load(phi, k * n + j), g0)
-            _kept(X, t * width + i, n, q, v, with_velocity)
-            _kept(X, t * width + j, n, Q, V, with_velocity)
-            q, v = _stepped(F, q, v, f0)
-            Q, V = _stepped(G, Q, V, g0)
+            o = t * width
+            q, v, Q, V = _both_stepped(X, o + i, o + j, n, F, G, q, v, Q, V, f0, g0, with_velocity)
         store(x, i, q)
         store(x, n + i, v)
         store(x, j, Q)
