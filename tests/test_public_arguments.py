@@ -148,8 +148,6 @@ tone_signal: time; wheel_disturbance: time
 craig_bampton: residual_vectors
 [none, true]
 craig_bampton: verify_count
-[of none, ragged, cube]
-Connection: pairs
 [1e30, inf]
 characteristic_interface to: max_frequency_hz
 [-1, 0, 1.5]

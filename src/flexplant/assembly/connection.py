@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, TypeGuard
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
+from flexplant.assembly.pairs import Pair, coordinate_pair, grounded_node, is_dof_pair, is_whole, node_pair
 from flexplant.errors import CouplingError, ModelError, nearest
 from flexplant.model.arrays import FloatArray, frozen, is_number, items_of, real_values
 from flexplant.model.component import check_name
@@ -17,16 +18,6 @@ from flexplant.model.geometry import check_rotation
 
 GROUND = "ground"
 OFFSETS = ("rigid", "ignore", "forbid")
-
-
-def is_whole(number: object) -> TypeGuard[int]:
-    """True for an int, Python's or numpy's."""
-    return isinstance(number, (int, np.integer)) and not isinstance(number, bool)
-
-
-def is_dof_pair(pair: object) -> bool:
-    """True for ((node, direction), (node, direction))."""
-    return isinstance(pair, (tuple, list)) and len(pair) == 2 and any(isinstance(side, (tuple, list)) for side in pair)
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,6 +68,7 @@ class Connection:
             raise CouplingError(f"connection {self.name!r}: pairs must be a list, got {type(self.pairs).__name__}")
         if not isinstance(self.pairs, str) and not len(self.pairs):
             raise CouplingError(f"connection {self.name!r}: no pairs; give node pairs or 'by position'")
+        self._check_pairs()
         if not isinstance(self.offset, str) or self.offset not in OFFSETS:
             text = f"connection {self.name!r}: offset {self.offset!r:.60} is not one of {OFFSETS}."
             raise CouplingError(text + nearest(self.offset, OFFSETS))
@@ -98,6 +90,19 @@ class Connection:
                 f"connection {self.name!r}: directions {self.directions!r}: nodes couple in 1-6; couple scalar coordinates as "
                 "pairs ((node, 0), (node, 0))"
             )
+
+    def _check_pairs(self) -> None:
+        """CouplingError where a pair is none, before any component is there to look it up in."""
+        if self.by_coordinate:
+            for pair in self.pairs:
+                coordinate_pair(pair, f"connection {self.name!r}")
+        elif not isinstance(self.pairs, str):
+            self.listed_nodes()
+
+    def listed_nodes(self) -> list[Pair]:
+        """[(node_a, node_b or None for ground), ...] of pairs that name nodes."""
+        one = grounded_node if self.b == GROUND else node_pair
+        return [one(pair, f"connection {self.name!r}") for pair in self.pairs]
 
     def _name_grounded(self) -> None:
         """The nodes that are clamped, as pairs or as nodes, not as both."""

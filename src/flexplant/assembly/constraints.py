@@ -8,8 +8,9 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from flexplant.assembly.connection import GROUND, Connection, is_whole
+from flexplant.assembly.connection import GROUND, Connection
 from flexplant.assembly.matching import default_tolerance, find_component, node_pairs
+from flexplant.assembly.pairs import coordinate_pair
 from flexplant.errors import CouplingError, ModelError
 from flexplant.model.arrays import FloatArray
 from flexplant.model.component import Component
@@ -154,18 +155,16 @@ def _existing(connection: Connection, terms: Terms, sides: tuple[_Side, _Side | 
 
 def _coordinate_row(connection: Connection, pair: Any, components: Mapping[str, Component]) -> Row:
     terms: Terms = {}
-    if not all(isinstance(side, (tuple, list)) and len(side) == 2 and all(map(is_whole, side)) for side in pair):
-        raise CouplingError(f"connection {connection.name!r}: {pair!r} is not ((node, direction), (node, direction))")
-    for name, dof, sign in ((connection.a, pair[0], 1.0), (connection.b, pair[1], -1.0)):
+    dofs = coordinate_pair(pair, f"connection {connection.name!r}")
+    for name, (node, direction), sign in ((connection.a, dofs[0], 1.0), (connection.b, dofs[1], -1.0)):
         component = components[name]
-        node, direction = int(dof[0]), int(dof[1])
         try:
             component.dofs.row(node, direction, owner=f"component {name!r}")
         except ModelError as error:
             raise CouplingError(f"connection {connection.name!r}: {error}") from None
         terms[(name, node, direction)] = terms.get((name, node, direction), 0.0) + sign
-    _refuse_self(connection, terms, pair[0][0])
-    (node_a, direction_a) = pair[0]
+    (node_a, direction_a) = dofs[0]
+    _refuse_self(connection, terms, node_a)
     return Row(f"{connection.name}.{node_a}.{direction_a}", str(connection.name), terms, geometric=connection.offset == "rigid")
 
 

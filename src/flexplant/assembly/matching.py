@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TypeAlias
 
 import numpy as np
 
-from flexplant.assembly.connection import GROUND, Connection, is_whole
+from flexplant.assembly.connection import GROUND, Connection
+from flexplant.assembly.pairs import Pair
 from flexplant.errors import CouplingError, nearest
 from flexplant.model.arrays import FloatArray
 from flexplant.model.component import Component
 from flexplant.model.geometry import Placement
 
-Pair: TypeAlias = tuple[int, int | None]
 POSITION_TOLERANCE = 1e-6  # of the larger component's extent, when the connection names no tolerance
 
 
@@ -28,7 +27,7 @@ def node_pairs(connection: Connection, components: Mapping[str, Component], plac
     """[(node_a, node_b or None for ground), ...] of a connection given by node ids or by position."""
     if isinstance(connection.pairs, str):
         return list(by_position(connection, components, placements))
-    out: list[Pair] = [_node_pair(connection, p) for p in connection.pairs]
+    out = connection.listed_nodes()
     for side, name in ((0, connection.a), (1, connection.b)):
         if name == GROUND:
             continue
@@ -45,21 +44,6 @@ def node_pairs(connection: Connection, components: Mapping[str, Component], plac
         if twice and len(set(out)) < len(out):
             raise CouplingError(f"connection {connection.name!r}: node {twice[0]} of {name!r} is coupled twice to the same node")
     return out
-
-
-def _node_pair(connection: Connection, pair: object) -> Pair:
-    if connection.b == GROUND:
-        node = pair[0] if isinstance(pair, (tuple, list)) and tuple(pair[1:]) in ((), (None,)) else pair
-        if is_whole(node):
-            return int(node), None
-        raise CouplingError(
-            f"connection {connection.name!r}: {pair!r} is not a node to ground; list node ids and name directions, for example "
-            "pairs=[101, 102], directions='123'"
-        )
-    if isinstance(pair, (tuple, list, np.ndarray)) and len(pair) == 2 and all(map(is_whole, pair)):
-        return int(pair[0]), int(pair[1])
-    shown = pair.tolist() if isinstance(pair, np.ndarray) else pair
-    raise CouplingError(f"connection {connection.name!r}: {shown!r} is not a pair of node ids such as (101, 201)")
 
 
 def _positions(component: Component, placement: Placement, owner: str, only: object = None) -> tuple[list[int], FloatArray]:
