@@ -93,9 +93,9 @@ def test_bad_couplings(case, method):
 
 @pytest.mark.parametrize("pairs", [[(4, 4, 4)], [("four", 4)], [None], [[]], [((4, 1), 4)], [(4.5, 4)]])
 def test_a_pair_is_looked_at_where_it_is_written(pairs):
-    with pytest.raises(CouplingError, match="left-right.* is not "):
+    with pytest.raises(CouplingError, match=r"left-right.* is not "):
         joint(pairs=pairs)
-    with pytest.raises(CouplingError, match="left-ground.* is not a node to ground"):
+    with pytest.raises(CouplingError, match=r"left-ground.* is not a node to ground"):
         joint(b="ground", pairs=pairs)
 
 
