@@ -106,12 +106,21 @@ def test_the_coupled_limit_is_the_unreduced_whole():
     place = sp.csr_array((np.ones(2 * n), (np.arange(2 * n), np.r_[np.arange(n), rows])))
     k, m = (place.T @ sp.block_diag([x, x]) @ place for x in (left.stiffness, left.mass))
     full = fp.FiniteElementModel(name="whole", stiffness=k, mass=m, dofs=[(i + 1, 0) for i in range(k.shape[0])])
-    exact = fp.normal_modes(full).frequency_hz[6:12]
+    elastic_hz = fp.normal_modes(full).frequency_hz[6:]
+    exact = elastic_hz[:6]
     system, _ = joined()
     before = elastic(system, 6) / exact - 1
     after = elastic(fp.characteristic_interface(system, "joint", n_modes=30), 6) / exact - 1
     assert before.min() > -1e-8
     assert after.max() < 1.5 * before.max() + 1e-5
+    small = fp.characteristic_interface(system, "joint", n_modes=12)
+    estimate = fp.estimate_error(small, n_modes=16)
+    vouched = np.isfinite(estimate.total)
+    true = estimate.frequency_hz / elastic_hz[: vouched.size] - 1
+    assert (estimate.total >= true * (1 - 1e-6))[vouched].all()
+    assert vouched.sum() >= 6
+    assert np.median((estimate.total / true)[vouched]) < 5
+    assert small.components[0].report.interface_dofs == 48
 
 
 def test_statics_are_exact_with_few_modes():

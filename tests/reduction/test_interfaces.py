@@ -22,6 +22,7 @@ from flexplant.reduction import (
     with_interface_node,
     with_proportional_damping,
 )
+from flexplant.verification.reduction_error import estimate_error
 
 
 @pytest.fixture(scope="module")
@@ -97,7 +98,9 @@ def test_all_characteristic_modes_change_nothing(block):
 
 
 def test_few_characteristic_modes_converge_from_above(block):
-    component = craig_bampton(block, [(n, "123") for n in face(block)], n_modes=8)
+    component = craig_bampton(block, [(n, "123") for n in face(block)], n_modes=8, keep_basis=True)
+    free = fp.normal_modes(block, n_modes=14)
+    whole = free.frequency_hz[6:]
     exact = fp.normal_modes(component).frequency_hz[6:12]
     errors = []
     for count in (4, 12, 24):
@@ -105,6 +108,15 @@ def test_few_characteristic_modes_converge_from_above(block):
         n_b = small.n_boundary
         np.testing.assert_allclose(small.mass[n_b:, n_b:], np.eye(small.n_modal), atol=1e-9)
         errors.append((fp.normal_modes(small).frequency_hz[6:12] / exact - 1).max())
+        estimate = estimate_error(fp.couple([small]), n_modes=14)  # of both truncations, inside and at the interface
+        vouched = np.isfinite(estimate.total)
+        true = estimate.frequency_hz / whole[: vouched.size] - 1
+        assert (estimate.total >= true * (1 - 1e-6))[vouched].all()
+    assert vouched.sum() >= 3
+    assert np.median((estimate.total / true)[vouched]) < 3
+    assert small.report.interface_coordinates == 24
+    shapes = fp.normal_modes(small, n_modes=8).shapes
+    np.testing.assert_allclose(np.diagonal(fp.mac(expand(small, shapes[:, 6:]), free.shapes[:, 6:8])), 1.0, rtol=1e-4)
     assert errors[0] > errors[1] > errors[2] > -1e-9
     with pytest.raises(InputError, match="characteristic modes asked"):
         characteristic_constraint_modes(component, corners(block), n_modes=1000)

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-from typing import Any
-
 import numpy as np
 import scipy.linalg as la
 import scipy.sparse as sp
@@ -16,14 +13,15 @@ from flexplant.assembly.system import System, component_rigid_body
 from flexplant.errors import InputError, nearest
 from flexplant.model.arrays import FloatArray, IntArray, dense, is_number
 from flexplant.model.component import Component
+from flexplant.model.coordinates import LeftOut, in_coordinates
 from flexplant.model.dofs import DofSet
 from flexplant.model.geometry import Nodes
-from flexplant.model.recovery import Recovery
 from flexplant.numerics.eigen import dense_eigenpairs
 from flexplant.numerics.elimination import eliminate
 
 FLOATING = 1e-10  # of the largest w^2: below it an interface mode is rigid motion, of which nothing may be left out
 EXPLAINED = 1e-8  # part of unit rigid motions that the interface may lack, and from which they are independent
+SIDES = 2**0.5  # |x + y|^2 <= 2 |x|^2 + 2 |y|^2: each side answers for the residual that both have in a motion left out
 NEW = 1e-10  # singular values of static shapes below which they are combinations of others
 
 
@@ -51,15 +49,15 @@ def characteristic_interface(
     _check_request(n_modes, max_frequency_hz)
     joint = _joint(system, connection)
     sides = [_interface_rows(system, joint, name) for name in (joint.connection.a, joint.connection.b)]
-    shapes, center = _shapes(system, joint, sides, n_modes, max_frequency_hz)
+    shapes, lost, slowest, center = _shapes(system, joint, sides, n_modes, max_frequency_hz)
     first = 1 + max(_highest_id(c) for c in system.components)
     dofs = [] if center is None else [(first, d) for d in range(1, 7)]
     dofs += [(first + 1 + i, 0) for i in range(shapes.shape[1] - len(dofs))]
     a, b, n_a = joint.connection.a, joint.connection.b, sides[0].size
     parts = {c.name: c for c in system.components}
-    for name, rows, block in zip((a, b), sides, (shapes[:n_a], shapes[n_a:]), strict=True):
+    for name, rows, part in zip((a, b), sides, (slice(n_a), slice(n_a, None)), strict=True):
         nodes = None if center is None else _with_node(system, name, first, center)
-        parts[name] = _replaced(parts[name], rows, block, dofs, nodes)
+        parts[name] = _replaced(parts[name], rows, shapes[part], lost[part], slowest, dofs, nodes)
     tie = str(joint.connection.name)
     ties = [Row(f"{tie}.{i}.{d}", tie, {(a, i, d): 1.0, (b, i, d): -1.0}, geometric=False) for i, d in dofs]
     shared = Connection(a, b, pairs=[(dof, dof) for dof in dofs], name=tie)
@@ -108,8 +106,9 @@ def _interface_rows(system: System, joint: Resolved, name: str) -> IntArray:
 
 def _shapes(
     system: System, joint: Resolved, sides: list[IntArray], n_modes: int | None, max_frequency_hz: float | None
-) -> tuple[FloatArray, FloatArray | None]:
-    """N W (n_a + n_b, m): interface DOF of both sides in the shared shapes; the point that their first six turn about."""
+) -> tuple[FloatArray, FloatArray, float, FloatArray | None]:
+    """N W (n_a + n_b, m): interface DOF of both sides in the shared shapes; N X of what these leave out, X^T K X = I and
+    X^T K W = 0, and the lowest w^2 of X; the point that the first six shapes turn about."""
     a, b = (system.component(name) for name in (joint.connection.a, joint.connection.b))
     admitted = _admitted(joint, [(a, sides[0]), (b, sides[1])])
     k, m = (_interface(matrices, sides) for matrices in ((a.stiffness, b.stiffness), (a.mass, b.mass)))
@@ -122,18 +121,22 @@ def _shapes(
             f"characteristic_interface: {kept} modes of {joint.connection.name!r} asked; its {admitted.shape[1]} DOF have "
             f"{found.omega2.size}, of which at least {max(least, 1)} are needed"
         )
-    rest = found.vectors[:, kept:] / np.sqrt(found.omega2[kept:])
+    omega = np.sqrt(found.omega2[kept:])
+    rest = found.vectors[:, kept:] / omega
     held = [np.setdiff1d(np.arange(c.n_boundary), rows) for c, rows in ((a, sides[0]), (b, sides[1]))]
     pull = la.block_diag(*(dense(c.stiffness)[np.ix_(r, h)] for c, r, h in zip((a, b), sides, held, strict=True)))
     static = rest @ _span(rest.T @ (admitted.T @ pull))
     shapes = np.hstack([found.vectors[:, :kept], static])
-    known = _rigid(system, [(a, sides[0]), (b, sides[1])], admitted)
-    if known is None:
-        return np.asarray(admitted @ shapes), None
-    rigid, center = known
-    inside = admitted.T @ m @ admitted
-    other = shapes - rigid @ la.solve(rigid.T @ inside @ rigid, rigid.T @ inside @ shapes, assume_a="pos")
-    return np.asarray(admitted @ np.hstack([rigid, _span(other)])), center
+    known, inside = _rigid(system, [(a, sides[0]), (b, sides[1])], admitted), admitted.T @ m @ admitted
+    if known is not None:
+        rigid = known[0]
+        other = shapes - rigid @ la.solve(rigid.T @ inside @ rigid, rigid.T @ inside @ shapes, assume_a="pos")
+        shapes = np.hstack([rigid, _span(other)])
+    weighted = inside @ shapes
+    share = rest.T @ weighted / np.sqrt(np.einsum("ij,ij->j", shapes, weighted))
+    lost = rest @ la.null_space((omega[:, None] ** 2 * share).T, rcond=NEW)  # rest^T K rest = I, so this is K-orthogonal
+    slowest = 1 / la.eigvalsh(lost.T @ inside @ lost)[-1] if lost.shape[1] else np.inf
+    return np.asarray(admitted @ shapes), np.asarray(admitted @ lost), float(slowest), None if known is None else known[1]
 
 
 def _rigid(system: System, sides: list[tuple[Component, IntArray]], admitted: FloatArray) -> tuple[FloatArray, FloatArray] | None:
@@ -186,38 +189,18 @@ def _interface(matrices: tuple[object, object], sides: list[IntArray]) -> FloatA
 
 
 def _replaced(
-    component: Component, rows: IntArray, shapes: FloatArray, dofs: list[tuple[int, int]], nodes: Nodes | None
-) -> Component:
-    """The component with its interface DOF `rows` in `shapes` (n_r, m): boundary = what is left of it, then eta."""
+    component: Component, rows: IntArray, shapes: FloatArray, lost: FloatArray, slowest: float, dofs: list[tuple[int, int]],
+    nodes: Nodes | None,
+) -> Component:  # fmt: skip
+    """The component with its interface DOF `rows` in `shapes` (n_r, m): boundary = what is left of it, then eta. lost: (n_r, k)
+    motions of both sides that are left out, none slower than w^2 = `slowest`."""
     n, n_b, m = component.n, component.n_boundary, shapes.shape[1]
     held = np.setdiff1d(np.arange(n_b), rows)
     basis = np.zeros((n, held.size + m + n - n_b))
     basis[held, np.arange(held.size)] = 1.0
     basis[rows, held.size : held.size + m] = shapes
     basis[n_b:, held.size + m :] = np.eye(n - n_b)
-    kinds = ("mass", "stiffness", "damping", "structural_damping")
-    projected: dict[str, Any] = {
-        k: None if (x := getattr(component, k)) is None else _symmetric(basis.T @ (x @ basis)) for k in kinds
-    }
-    return Component(
-        name=component.name,
-        boundary=DofSet.of([component.boundary.pairs[i] for i in held] + dofs),
-        nodes=nodes,
-        modal_ids=component.modal_ids,
-        interior=component.interior,
-        interior_rows=None if component.interior_rows is None else dense(component.interior_rows @ basis),
-        recovery={r.name: _recovered(r, basis) for r in component.recovery.values()},
-        source=component.source,
-        units=component.units,
-        **projected,
-    )
-
-
-def _symmetric(matrix: FloatArray) -> FloatArray:
-    return np.asarray(0.5 * (matrix + matrix.T))
-
-
-def _recovered(recovery: Recovery, basis: FloatArray) -> Recovery:
-    kinds = {kind: getattr(recovery, kind) for kind in ("displacement", "velocity", "acceleration")}
-    rows: dict[str, Any] = {kind: None if x is None else dense(x @ basis) for kind, x in kinds.items()}
-    return replace(recovery, **rows)
+    mass = dense(component.mass)[rows]
+    left_out = LeftOut(rows=SIDES * lost.T @ (mass @ basis), slowest=slowest, interface=(rows.size, m))
+    boundary = DofSet.of([component.boundary.pairs[i] for i in held] + dofs)
+    return in_coordinates(component, basis, left_out, boundary=boundary, nodes=nodes, modal_ids=component.modal_ids)

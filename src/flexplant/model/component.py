@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -15,6 +15,9 @@ from flexplant.model.describe import count, dof_text, listed, paragraph
 from flexplant.model.dofs import DofSet
 from flexplant.model.geometry import Nodes
 from flexplant.model.recovery import Recovery
+
+if TYPE_CHECKING:
+    from flexplant.model.coordinates import LeftOut
 
 
 def check_name(name: str, what: str) -> str:
@@ -182,6 +185,10 @@ class Component:
     def n_modal(self) -> int:
         """Number of modal coordinates."""
         return self.n - self.n_boundary
+
+    def followed(self, _basis: FloatArray, _left_out: LeftOut, /) -> dict[str, Any]:
+        """Fields that a kind of component has besides, on p = T p' (`in_coordinates`); this one has none."""
+        return {}
 
     @cached_property
     def dofs(self) -> DofSet:

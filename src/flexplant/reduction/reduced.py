@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -12,6 +12,7 @@ import numpy.typing as npt
 from flexplant.errors import InputError, expect
 from flexplant.model.arrays import FloatArray, real_or_complex
 from flexplant.model.component import Component
+from flexplant.model.coordinates import LeftOut
 from flexplant.model.dofs import DofSet
 
 Storage: TypeAlias = bool | Callable[[tuple[int, int]], Any]
@@ -29,6 +30,7 @@ class ReductionReport:
     any system's frequency up to max_frequency_hz that this component causes, never less than what rounding its matrices to
     double precision may cause; None where it was not computed.
     basis_bytes: memory that keeping the basis takes (or would take).
+    interface_dofs: boundary DOF that interface_coordinates stand for since then (characteristic constraint modes).
     """
 
     method: str
@@ -43,6 +45,8 @@ class ReductionReport:
     accuracy: float | None = None
     verified: float | None = None
     basis_bytes: int = 0
+    interface_dofs: int = 0
+    interface_coordinates: int = 0
 
     def __str__(self) -> str:
         text = f"{self.method}: {self.n_modes} modes + {self.n_residual} residual vectors"
@@ -57,7 +61,27 @@ class ReductionReport:
         if self.verified is not None:
             asked = "" if self.accuracy is None else f", asked {self.accuracy:.1e}"
             text += f"; frequency error below {self.max_frequency_hz:g} Hz at most {self.verified:.1e}{asked}"
+        if self.interface_dofs:
+            text += f"; {self.interface_coordinates} coordinates of the interface for {self.interface_dofs} boundary DOF"
         return text + f"; full basis {self.basis_bytes / 1e6:.3g} MB"
+
+    def narrowed(self, left_out: LeftOut, size: float) -> ReductionReport:
+        """The report after an interface was described by fewer coordinates, which left `size` of all coordinates.
+
+        No motion left out inside or at the interface lies below w_c: in coordinates of unit strain energy, where w^-2 are the
+        eigenvalues of the mass, they are at most 1 / w_i^2 + 1 / w_x^2.
+        """
+        hz = np.array([self.complete_below_hz, np.sqrt(left_out.slowest) / (2 * np.pi)])
+        slowness = float(np.sum(hz**-2.0)) if hz.all() else np.inf
+        dofs, coordinates = left_out.interface
+        return replace(
+            self,
+            complete_below_hz=slowness**-0.5 if slowness else np.inf,
+            verified=self.verified if np.isinf(left_out.slowest) else None,
+            basis_bytes=round(self.basis_bytes * size),
+            interface_dofs=self.interface_dofs + dofs,
+            interface_coordinates=self.interface_coordinates + coordinates,
+        )
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -74,6 +98,16 @@ class ReducedComponent(Component):
     basis: FloatArray | None = None
     error_rows: FloatArray | None = None
     extra: Mapping[str, Any] = field(default_factory=dict)
+
+    def followed(self, basis: FloatArray, left_out: LeftOut, /) -> dict[str, Any]:
+        """Basis, error rows and report on p = T p'; motions of the interface that T leaves out are errors too."""
+        report = self.report.narrowed(left_out, basis.shape[1] / basis.shape[0])
+        return {
+            "basis": None if self.basis is None else np.asarray(self.basis @ basis),
+            "error_rows": None if self.error_rows is None else np.vstack([self.error_rows @ basis, left_out.rows]),
+            "report": report,
+            "source": {**self.source, "reduction": str(report)},
+        }
 
 
 def _checked(component: Component, what: str) -> ReducedComponent:
