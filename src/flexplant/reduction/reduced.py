@@ -72,11 +72,11 @@ class ReductionReport:
         eigenvalues of the mass, they are at most 1 / w_i^2 + 1 / w_x^2.
         """
         hz = np.array([self.complete_below_hz, np.sqrt(left_out.slowest) / (2 * np.pi)])
-        slowness = float(np.sum(hz**-2.0)) if hz.all() else np.inf
+        slowness = float(np.hypot(*(1 / hz))) if hz.all() else np.inf
         dofs, coordinates = left_out.interface
         return replace(
             self,
-            complete_below_hz=slowness**-0.5 if slowness else np.inf,
+            complete_below_hz=1 / slowness if slowness else np.inf,
             verified=self.verified if np.isinf(left_out.slowest) else None,
             basis_bytes=round(self.basis_bytes * size),
             interface_dofs=self.interface_dofs + dofs,
