@@ -167,6 +167,24 @@ def test_without_inputs_the_loop_moves_from_its_state():
     assert abs(one - other).max() < 1e-10 * abs(one).max()
 
 
+def test_what_no_input_drives_does_not_move():
+    """A loop closes on mode 0 alone, the input drives half of the others: the rest stands still, with the input from outside on."""
+    n, shape = 20, np.zeros((20, 2))
+    shape[0], shape[1 : n // 2, 1] = 1.0, 1.0
+    names = [f"x{k}" for k in range(n)]
+    plant = ModalPlant(
+        omega=np.linspace(10, 200, n), zeta=0.01, shape_in=shape, shape_out=np.eye(n), inputs=["f", "d"], outputs=names
+    )
+    blocks = {"plant": plant, "law": transfer_function([-5.0], [0.01, 1.0])}
+    wires = [("plant.x0", "law.u"), ("law.y", "plant.f")]
+    diagram = Diagram(blocks=blocks, connections=wires, inputs={"d": "plant.d"}, outputs={k: f"plant.{k}" for k in names})
+    moved = simulate(diagram, np.arange(200) * DT, {"d": 1.0})
+    assert moved.attrs["stepping"].startswith("modes of the loop")
+    peak = abs(moved.outputs.values).max(axis=1)
+    assert peak[: n // 2].min() > 1e-6
+    assert peak[n // 2 :].max() < 1e-100
+
+
 def critically_damped(w):
     """Ten bodies, each on its own active spring and damper: ten double poles at -w, each with one mode."""
     names = [f"x{k}" for k in range(10)]

@@ -44,7 +44,8 @@ def modes_driven(one: Stepper, shape_in: FloatArray) -> Drive:
 
 def blocks_driven(transition: FloatArray, G: FloatArray) -> Drive:
     """Blocks of two states, transition (n, 2, 2), under any G (n, 2, nw)."""
-    unit = _not_zero(G[:, 1, 0], abs(G).max(axis=(1, 2)))
+    largest = abs(G).max(axis=(1, 2))
+    unit = np.where(largest > 0, _not_zero(G[:, 1, 0], largest), LEAST)
     scaled = G / unit[:, None, None]
     table = np.vstack([transition.reshape(-1, 4).T, scaled[:, 0, 0], scaled[:, 1, 1:].T, scaled[:, 0, 1:].T])
     return Drive(table, unit, twofold=True)
