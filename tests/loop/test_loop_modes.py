@@ -168,7 +168,7 @@ def test_without_inputs_the_loop_moves_from_its_state():
 
 
 def test_what_no_input_drives_does_not_move():
-    """A loop closes on mode 0 alone, the input drives half of the others: the rest stands still, with the input from outside on."""
+    """A loop closes on mode 0 alone, the input drives half of the others: the rest stands still under the input."""
     n, shape = 20, np.zeros((20, 2))
     shape[0], shape[1 : n // 2, 1] = 1.0, 1.0
     names = [f"x{k}" for k in range(n)]
