@@ -9,9 +9,9 @@ import numpy as np
 
 from flexplant.blocks.basic import static
 from flexplant.errors import InputError, nearest
-from flexplant.loop.close import linear_only
 from flexplant.loop.diagram import Diagram
 from flexplant.loop.ports import Block, find_port
+from flexplant.loop.rates import digital_times
 from flexplant.model.arrays import items_of
 from flexplant.plant.modal import ModalPlant, select
 from flexplant.plant.state_space import StateSpace
@@ -23,7 +23,7 @@ def checked_signals(diagram: Diagram, at: str | Sequence[str]) -> list[str]:
     """The signals, output ports "block.port" that drive another block; InputError or DiagramError for what cannot be broken."""
     if not isinstance(diagram, Diagram):
         raise InputError(f"a loop is broken in a Diagram, got {type(diagram).__name__}; margins() takes the loop gain of a plant")
-    linear_only(diagram)
+    digital_times(diagram)
     signals = [at] if isinstance(at, str) else items_of(at) or []
     if not signals or not all(isinstance(name, str) for name in signals) or len(set(signals)) != len(signals):
         raise InputError(f"at = {at!r:.60}; name one or several different signals 'block.port' to break the loop at")

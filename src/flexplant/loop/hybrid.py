@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from graphlib import CycleError, TopologicalSorter
+from typing import NamedTuple
 
 import numpy as np
 
@@ -66,11 +67,9 @@ def is_sampled(block: Block) -> bool:
 
 def hybrid_of(diagram: Diagram) -> Hybrid:
     """The split; exact, only wires are sorted. DiagramError where sampled blocks form a loop without a delay."""
-    wiring, names = diagram.wiring, list(diagram.blocks)
-    sampled = np.array([is_sampled(block) for block in diagram.blocks.values()])
-    reads, writes = sampled[wiring.input_block], sampled[wiring.output_block]  # ports of sampled blocks
-    q_ports, p_ports = np.flatnonzero(reads), np.flatnonzero(writes)
-    inner, columns, rows = _inner(diagram, q_ports, p_ports, reads, writes)
+    wiring, names, parts = diagram.wiring, list(diagram.blocks), split(diagram)
+    inner, columns, rows, q_ports, p_ports = parts
+    writes = np.isin(np.arange(wiring.output_block.size), p_ports)
     nw, nz = wiring.n_external, wiring.readout.size
     linear = _widened(cascade_of(inner), columns, rows, nw + p_ports.size, nz + q_ports.size)
     D = linear.D.copy()
@@ -81,15 +80,29 @@ def hybrid_of(diagram: Diagram) -> Hybrid:
     for k, u in enumerate(q_ports):
         if wiring.external[u] != NONE:
             D[nz + k, wiring.external[u]] = 1.0
-    elements = _elements(diagram, [names[k] for k in np.flatnonzero(sampled)])
+    elements = _elements(diagram, [name for name in names if is_sampled(diagram.blocks[name])])
     return Hybrid(linear=replace(linear, D=D), elements=_ordered(elements, D[nz:, nw:]), nw=nw, nz=nz)
 
 
-def _inner(
-    diagram: Diagram, q_ports: IntArray, p_ports: IntArray, reads: IntArray, writes: IntArray
-) -> tuple[Diagram, list[int], list[int]]:
-    """The linear blocks alone, and the places of its inputs in [w, p] and of its outputs in [z, q]."""
+class Split(NamedTuple):
+    """The blocks that are not sampled alone, and the places of its inputs in [w, p] and of its outputs in [z, q].
+
+    q_ports, p_ports: the input and output ports of the sampled blocks.
+    """
+
+    inner: Diagram
+    columns: list[int]
+    rows: list[int]
+    q_ports: IntArray
+    p_ports: IntArray
+
+
+def split(diagram: Diagram) -> Split:
+    """A diagram taken apart into its sampled blocks and the rest."""
     wiring = diagram.wiring
+    sampled = np.array([is_sampled(block) for block in diagram.blocks.values()])
+    reads, writes = sampled[wiring.input_block], sampled[wiring.output_block]
+    q_ports, p_ports = np.flatnonzero(reads), np.flatnonzero(writes)
     nw, nz = wiring.n_external, wiring.readout.size
     linear: dict[str, Block] = {name: block for name, block in diagram.blocks.items() if not is_sampled(block)}
     wires: list[tuple[str, str]] = []
@@ -111,7 +124,7 @@ def _inner(
         allow_algebraic_loops=diagram.allow_algebraic_loops,
         name=diagram.name,
     )
-    return inner, list(drives), list(seen)
+    return Split(inner, list(drives), list(seen), q_ports, p_ports)
 
 
 def _widened(cascade: Cascade, columns: list[int], rows: list[int], width: int, height: int) -> Cascade:

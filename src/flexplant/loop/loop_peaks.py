@@ -6,6 +6,7 @@ into intervals and one count of unstable poles serve all three.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import partial
 
@@ -59,7 +60,11 @@ def sensitivity_peaks(diagram: Diagram, signals: list[str], seen_hz: FloatArray)
     seen_hz: where the curves on a grid are highest. Small diagrams, and those without the form of `bordered`, go through
     `hinf_norm` one by one.
     """
-    systems = disturbed(diagram, signals)
+    return peaks_of(disturbed(diagram, signals), seen_hz)
+
+
+def peaks_of(systems: Mapping[str, Diagram], seen_hz: FloatArray) -> dict[str, HinfNorm]:
+    """The same from the diagrams of S, T and half."""
     if not has_bordered_form(systems["S"]):
         return {kind: hinf_norm(systems[kind], tolerance=TOLERANCE) for kind in KINDS}
     axis = partial(SensitivityAxis, seeds=2 * np.pi * seen_hz)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -10,17 +11,20 @@ import numpy.typing as npt
 import xarray as xr
 
 from flexplant.blocks.sampled import SampledBlock
-from flexplant.loop.breaking import checked_signals, cut_open
+from flexplant.errors import InputError
+from flexplant.loop.breaking import checked_signals
+from flexplant.loop.broken import BrokenLoops, one_at_a_time
 from flexplant.loop.diagram import Diagram
-from flexplant.loop.frequency import ComplexArray, DiagramResponse
-from flexplant.loop.loop_peaks import sensitivity_peaks
+from flexplant.loop.frequency import ComplexArray
+from flexplant.loop.loop_peaks import peaks_of
 from flexplant.model.arrays import FloatArray
 from flexplant.plant.modal import ModalPlant
 from flexplant.plant.state_space import StateSpace
-from flexplant.response.crossings import Loops, crossings, refined_grid, widened
+from flexplant.response.crossings import Crossings, Loops, crossings, refined_grid, widened
 from flexplant.response.frequency import checked_frequencies
 from flexplant.response.grids import adaptive_grid
-from flexplant.response.margins import Margins, disk_margin_of, loop_margins_at
+from flexplant.response.margins import LoopMargins, Margins, disk_margin_of, loop_margins_at
+from flexplant.response.norms import HinfNorm
 from flexplant.response.singular import stacked_singular_values
 
 BEYOND = 30.0  # factor by which the search for crossings begins outside the slowest and the fastest pole of the blocks
@@ -42,10 +46,11 @@ def loop_response(diagram: Diagram, at: str | Sequence[str], frequency_hz: npt.A
     Raises InputError for signals that drive nothing, frequencies that are bad or lie on an undamped pole; DiagramError (with the
     nearest name) for signals that do not exist, and for nonlinear or mixed-rate diagrams.
     """
-    loops = _BrokenLoops(diagram, checked_signals(diagram, at))
-    wanted = None if frequency_hz is None else checked_frequencies(frequency_hz)
+    loops = BrokenLoops(diagram, checked_signals(diagram, at))
+    wanted = None if frequency_hz is None else _checked_range(checked_frequencies(frequency_hz), loops.dt)
     found, curves = _margins(loops)
-    hz, L, S, T, sizes = curves if wanted is None else _curves(wanted, loops.gain(wanted))
+    own, L, S, T, sizes = curves if wanted is None else _curves(asked := loops.asked(wanted), loops.gain(asked))
+    hz = loops.seen(own) if wanted is None else wanted
     with np.errstate(divide="ignore"):
         disk = 1 / sizes["half"][:, 0]
     matrix = ("signal", "injected", "frequency")
@@ -59,12 +64,14 @@ def loop_response(diagram: Diagram, at: str | Sequence[str], frequency_hz: npt.A
         "index": np.arange(len(loops.signals)),
     }
     about = f"{hz.size} points about the poles of every block, and more until every loop bends little between them"
-    attrs = {
+    attrs: dict[str, Any] = {
         "diagram": diagram.name,
         "explanation": found.sensitivity_peak.explanation,
         "grid": about if wanted is None else "given",
         "certificate": found.sensitivity_peak.certificate,
     }
+    if loops.dt is not None:
+        attrs |= {"sampling": loops.about, "sample_time_s": loops.dt}
     return xr.Dataset(data, coords=coords, attrs=attrs)
 
 
@@ -75,7 +82,7 @@ def loop_margins(diagram: Diagram, at: str | Sequence[str]) -> Margins:
     finding. Disk margin and peaks of S and T: one search that starts from the curves on that grid, certified by interval bounds
     (small diagrams by `hinf_norm`). Raises the errors of `loop_response`.
     """
-    return _margins(_BrokenLoops(diagram, checked_signals(diagram, at)))[0]
+    return _margins(BrokenLoops(diagram, checked_signals(diagram, at)))[0]
 
 
 class _Curves(NamedTuple):
@@ -96,50 +103,41 @@ def _curves(hz: FloatArray, L: ComplexArray) -> _Curves:
     return _Curves(hz, L, S, T, {name: stacked_singular_values(values) for name, values in named.items()})
 
 
-class _BrokenLoops:
-    """A diagram broken at signals, its blocks prepared for many evaluations."""
-
-    def __init__(self, diagram: Diagram, signals: list[str]) -> None:
-        self.diagram, self.signals, self.opened = diagram, signals, cut_open(diagram, signals)
-        self._response = DiagramResponse(self.opened)
-
-    def gain(self, hz: FloatArray) -> ComplexArray:
-        """(r, r, nf) L, at frequencies in any order."""
-        return np.asarray(-self._response.at(hz), dtype=complex)
-
-    def loops(self, hz: FloatArray) -> ComplexArray:
-        """(r, nf) each loop with the others closed."""
-        return one_at_a_time(self.gain(hz))
-
-    def both(self, hz: FloatArray) -> ComplexArray:
-        """(r + r r, nf) each loop with the others closed, then the entries of L."""
-        L = self.gain(hz)
-        return np.concatenate([one_at_a_time(L), L.reshape(-1, hz.size)])
-
-
-def one_at_a_time(L: ComplexArray) -> ComplexArray:
-    """(r, nf) gain of each loop of L (r, r, nf) with the others closed: L_kk - L_ko (I + L_oo)^-1 L_ok."""
-    stack = np.moveaxis(L, -1, 0)
-    out = np.array(np.diagonal(stack, axis1=1, axis2=2).T)
-    for k in range(L.shape[0] if L.shape[0] > 1 else 0):
-        others = np.delete(np.arange(L.shape[0]), k)
-        inner = np.eye(others.size) + stack[:, others[:, None], others]
-        through = np.linalg.solve(inner, stack[:, others, k][:, :, None])
-        out[k] -= (stack[:, k, others][:, None, :] @ through)[:, 0, 0]
-    return out
-
-
-def _margins(loops: _BrokenLoops) -> tuple[Margins, _Curves]:
-    """The margins, and the curves on the grid that showed the crossings and where the peaks are."""
+def _margins(loops: BrokenLoops) -> tuple[Margins, _Curves]:
+    """The margins, and the curves (over the loops' own frequencies) that showed the crossings and where the peaks are."""
     r = len(loops.signals)
     grid, values = refined_grid(loops.both, search_grid(loops.opened, loops.loops), r)
     curves = _curves(grid, values[r:].reshape(r, r, -1))
-    seen = np.array([grid[curves.sizes[name][:, 0].argmax()] for name in ("S", "T", "half")])
-    peaks = sensitivity_peaks(loops.diagram, loops.signals, seen)
-    found = zip(loops.signals, crossings(loops.loops, grid, values[:r]), strict=True)
-    every = tuple(loop_margins_at(name, *one) for name, one in found)
+    at = np.array([grid[curves.sizes[name][:, 0].argmax()] for name in ("S", "T", "half")])
+    peaks = {kind: _seen_peak(loops, peak) for kind, peak in peaks_of(loops.closed, at).items()}
+    found = crossings(loops.loops, grid, values[:r])
+    every = tuple(_loop_margins(loops, k, one) for k, one in enumerate(found))
     stable = bool(np.isfinite(peaks["S"].value))
+    if not stable and loops.dt is not None:
+        peaks = {kind: replace(peak, explanation=loops.instability()) for kind, peak in peaks.items()}
     return Margins(stable, every, disk_margin_of(peaks["half"]), peaks["S"], peaks["T"]), curves
+
+
+def _seen_peak(loops: BrokenLoops, peak: HinfNorm) -> HinfNorm:
+    return replace(peak, frequency_hz=float(loops.seen(np.asarray(peak.frequency_hz))))
+
+
+def _loop_margins(loops: BrokenLoops, k: int, found: Crossings) -> LoopMargins:
+    """Of loop k from its crossings; a digital loop that is negative at the Nyquist frequency crosses the real axis there, too."""
+    unit, phase, at_phase = loops.seen(found.unit_hz), loops.seen(found.phase_hz), found.at_phase
+    if loops.dt is not None and loops.at_nyquist[k] < 0:
+        phase, at_phase = np.append(phase, 0.5 / loops.dt), np.append(at_phase, loops.at_nyquist[k])
+    return loop_margins_at(loops.signals[k], unit, found.at_unit, phase, at_phase)
+
+
+def _checked_range(hz: FloatArray, dt: float | None) -> FloatArray:
+    """The frequencies; InputError for one above the Nyquist frequency of a digital loop, whose curves repeat there."""
+    if dt is not None and hz.max() > 0.5 / dt * (1 + 1e-12):
+        raise InputError(
+            f"frequency_hz: {hz.max():.9g} Hz lies above the Nyquist frequency {0.5 / dt:.9g} Hz of a loop sampled every"
+            f" {dt:.6g} s, where its response repeats itself mirrored; ask for frequencies up to there"
+        )
+    return hz
 
 
 def search_grid(diagram: Diagram, loops: Loops) -> FloatArray:

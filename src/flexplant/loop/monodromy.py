@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from flexplant.errors import InputError
 from flexplant.loop.hybrid import Hybrid
-from flexplant.loop.stepping import stepper
+from flexplant.loop.period_map import period_map
 from flexplant.plant.state_space import StateSpace
 
 LARGEST = 500  # states up to which the eigenvalues take less time than most simulations
@@ -36,22 +36,6 @@ def refuse_growing(hybrid: Hybrid, dt: float, name: str, tolerance: float) -> No
 
 
 def multipliers(hybrid: Hybrid, dt: float, steps: int) -> npt.NDArray[np.complex128]:
-    """Eigenvalues of the map of [eta, eta', l, digital states] over `steps` samples, stepped from each unit vector."""
-    linear, nw, nz, one = hybrid.linear, hybrid.nw, hybrid.nz, stepper(hybrid.linear, dt, "zero")
-    width, n = linear.B.shape[1], linear.omega.size
-    rows, direct, forced = np.hstack([linear.C_modes, linear.C])[nz:], linear.D[nz:, nw:], one.drive[nw:width].T
-    size, states = linear.n_states, hybrid.initial.size
-    unit = np.eye(size + states)
-    x, s, p = unit[:size], unit[size:], np.zeros((width - nw, size + states))
-    for k in range(steps):
-        due = [(e, e.block) for e in hybrid.elements if k % e.period(dt) == 0 and isinstance(e.block, StateSpace)]
-        seen = rows @ x
-        for e, block in due:
-            p[e.outputs] = block.C @ s[e.states] + block.D @ (seen[e.inputs] + direct[e.inputs] @ p)
-        s = s.copy()
-        for e, block in due:
-            s[e.states] = block.A @ s[e.states] + block.B @ (seen[e.inputs] + direct[e.inputs] @ p)
-        modes = np.einsum("nij,jnk->ink", one.modes, x[: 2 * n].reshape(2, n, -1)).reshape(2 * n, -1)
-        x = np.vstack([modes, one.from_modes @ x[: 2 * n] + one.A @ x[2 * n :]]) + forced @ p
-    found: npt.NDArray[np.complex128] = np.linalg.eigvals(np.vstack([x, s])).astype(complex)
+    """Eigenvalues of the map of [eta, eta', l, digital states] over `steps` samples."""
+    found: npt.NDArray[np.complex128] = np.linalg.eigvals(period_map(hybrid, dt, steps).F).astype(complex)
     return found

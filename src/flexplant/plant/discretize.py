@@ -38,25 +38,27 @@ def discretize(plant: ModalPlant | StateSpace | Descriptor, dt: float, *, hold: 
     Source: Van Loan 1978; Franklin, Powell and Workman, Digital Control of Dynamic Systems, section 6.3.
     """
     if isinstance(plant, ModalPlant) and plant.damping is None:
-        return _assembled(plant, _checked_dt(dt), hold)
+        return _assembled(plant, checked_dt(dt), hold)
     system = state_space(plant)
-    step = step_of(system, _checked_dt(dt), hold)
+    step = step_of(system, checked_dt(dt), hold)
     return _causal(system, step, dt)
 
 
-def _checked_dt(dt: float) -> float:
+def checked_dt(dt: float) -> float:
+    """dt as a float; InputError unless it is positive and finite."""
     if not (is_finite(dt) and dt > 0):
         raise InputError(f"dt = {dt!r:.60}: the sample time must be a positive, finite number of seconds")
     return float(dt)
 
 
-def _check_hold(hold: str) -> None:
+def check_hold(hold: str) -> None:
+    """InputError for an unknown hold."""
     expect_choice(hold, HOLDS, "hold")
 
 
 def step_of(system: StateSpace, dt: float, hold: str) -> Step:
     """The dense one-step recursion of a continuous state space; InputError if it is discrete already."""
-    _check_hold(hold)
+    check_hold(hold)
     if system.dt is not None:
         raise InputError(f"state space {system.name!r} is discrete already (dt = {system.dt} s); give the continuous one")
     n, nu = system.B.shape
@@ -117,7 +119,7 @@ def mode_steps(omega: FloatArray, zeta: FloatArray, dt: float, hold: str) -> Ste
     Exponential of the 3x3 (zero) or 4x4 (first) augmented matrix of all modes at once, in the states (s eta, dt eta') with
     s = max(1, omega dt): the norm then grows with omega dt, not with its square, and omega = 0 is an ordinary case.
     """
-    _check_hold(hold)
+    check_hold(hold)
     size = 4 if hold == "first" else 3
     x = omega * dt
     s = np.maximum(1.0, x)

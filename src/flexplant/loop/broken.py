@@ -1,0 +1,108 @@
+"""Loops broken at signals, ready for many evaluations: continuous ones over frequency, digital ones over the warped frequency."""
+
+from __future__ import annotations
+
+from functools import cached_property
+
+import numpy as np
+
+from flexplant.loop.bordered import bordered
+from flexplant.loop.breaking import cut_open, disturbed
+from flexplant.loop.close import close, solved_wires
+from flexplant.loop.diagram import Diagram
+from flexplant.loop.discretize import discretize
+from flexplant.loop.frequency import ComplexArray, DiagramResponse
+from flexplant.loop.norms import has_bordered_form, loop_axes
+from flexplant.loop.rates import digital_times, expect_sampled, rates_of
+from flexplant.loop.stability import stability
+from flexplant.loop.warped import true_hz, warped, warped_hz
+from flexplant.model.arrays import FloatArray
+
+
+class BrokenLoops:
+    """A diagram broken at signals: `opened`, and `closed`, the diagrams of S, T and (S - T) / 2.
+
+    dt: None, or the sample time in seconds of a loop with digital blocks. Its frequencies are then warped ones (see `warped`):
+    `seen` and `asked` turn them into true ones and back.
+    """
+
+    def __init__(self, diagram: Diagram, signals: list[str]) -> None:
+        """InputError for signals at which a loop with digital blocks has no transfer function."""
+        self.signals, self.dt, self.about = signals, None, ""
+        rates = rates_of(diagram)
+        inner, names = diagram, signals
+        if rates is not None:
+            expect_sampled(diagram, signals, rates)
+            self.dt, self.about = rates.period, f"pulse transfer function of the loop sampled every {rates.period:.6g} s"
+            if rates.steps > 1 or len(set(digital_times(diagram).values())) > 1:
+                self.about += f", all of its rates ({diagram.rates}) lifted over this common period"
+                inner, names = _of_one_rate(cut_open(diagram, signals), rates.period)
+        systems = {"open": cut_open(inner, names), **disturbed(inner, names)}
+        if self.dt is not None:
+            systems = {kind: warped(system, self.dt) for kind, system in systems.items()}
+        self.opened = systems.pop("open")
+        self.closed = systems
+        self._response = DiagramResponse(self.opened)
+
+    def seen(self, hz: FloatArray) -> FloatArray:
+        """True frequencies of those that the loops are evaluated at."""
+        return hz if self.dt is None else true_hz(hz, self.dt)
+
+    def asked(self, hz: FloatArray) -> FloatArray:
+        """The inverse of `seen`."""
+        return hz if self.dt is None else warped_hz(hz, self.dt)
+
+    def gain(self, hz: FloatArray) -> ComplexArray:
+        """(r, r, nf) L, at frequencies in any order."""
+        return np.asarray(-self._response.at(hz), dtype=complex)
+
+    def loops(self, hz: FloatArray) -> ComplexArray:
+        """(r, nf) each loop with the others closed."""
+        return one_at_a_time(self.gain(hz))
+
+    def both(self, hz: FloatArray) -> ComplexArray:
+        """(r + r r, nf) each loop with the others closed, then the entries of L."""
+        L = self.gain(hz)
+        return np.concatenate([one_at_a_time(L), L.reshape(-1, hz.size)])
+
+    @cached_property
+    def at_nyquist(self) -> FloatArray:
+        """(r,) each loop, the others closed, at the Nyquist frequency, where it is real."""
+        D, wiring = self.opened.feedthrough, self.opened.wiring
+        u = solved_wires(self.opened, wiring.internal @ D, wiring.entry)
+        L = -(D @ u)[wiring.readout]
+        return np.asarray(one_at_a_time(L[:, :, None].astype(complex))[:, 0].real)
+
+    def instability(self) -> str:
+        """What grows in a digital loop, in words."""
+        assert self.dt is not None
+        system, beyond = self.closed["S"], ""
+        if has_bordered_form(system):
+            pole = stability(loop_axes(bordered(system))).pole
+        else:
+            poles = np.linalg.eigvals(close(system).A)
+            pole = complex(poles[int(np.argmax(poles.real))])
+        if pole is not None:
+            z = (1 + pole * self.dt / 2) / (1 - pole * self.dt / 2)
+            beyond = f", one of them at z = {z.real:.6g} {abs(z.imag):+.6g}i ({abs(np.angle(z)) / (2 * np.pi * self.dt):.6g} Hz)"
+        return f"the closed loop is unstable: poles on or outside the unit circle{beyond}"
+
+
+def _of_one_rate(opened: Diagram, period: float) -> tuple[Diagram, list[str]]:
+    """The open loops of several rates as one block that is sampled once a period, closed on itself, and its signals."""
+    block = discretize(opened, period)
+    signals = [f"loop.{name}" for name in block.outputs]
+    wires = [(signal, f"loop.{name}") for signal, name in zip(signals, block.inputs, strict=True)]
+    return Diagram(blocks={"loop": block}, connections=wires, allow_algebraic_loops=True, name=opened.name), signals
+
+
+def one_at_a_time(L: ComplexArray) -> ComplexArray:
+    """(r, nf) gain of each loop of L (r, r, nf) with the others closed: L_kk - L_ko (I + L_oo)^-1 L_ok."""
+    stack = np.moveaxis(L, -1, 0)
+    out = np.array(np.diagonal(stack, axis1=1, axis2=2).T)
+    for k in range(L.shape[0] if L.shape[0] > 1 else 0):
+        others = np.delete(np.arange(L.shape[0]), k)
+        inner = np.eye(others.size) + stack[:, others[:, None], others]
+        through = np.linalg.solve(inner, stack[:, others, k][:, :, None])
+        out[k] -= (stack[:, k, others][:, None, :] @ through)[:, 0, 0]
+    return out
