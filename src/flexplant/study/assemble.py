@@ -2,47 +2,51 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from flexplant.assembly import GROUND, Connection, System, couple
+from flexplant.assembly import GROUND, Connection, System, characteristic_interface, couple
 from flexplant.errors import InputError
 from flexplant.io import read_component, read_model
 from flexplant.io.registry import path_options
 from flexplant.model.component import Component
 from flexplant.model.geometry import Placement
-from flexplant.reduction import craig_bampton
+from flexplant.numerics.lanczos import Progress
+from flexplant.study.reduction import reduce_model, told_of
 from flexplant.study.schema import ComponentSpec, ConnectionSpec, GroundSpec, StudySpec, TruthSpec, UnitsSpec
 
-
-def read_components(study: StudySpec, folder: Path) -> tuple[Component, ...]:
-    """The components of a study, in SI, with their damping (equation 4)."""
-    return tuple(_read(name, spec, study, folder) for name, spec in study.components.items())
+Begin = Callable[[str], Progress]  # says which step begins, and hears (stage, share) of it
 
 
-def _read(name: str, spec: ComponentSpec, study: StudySpec, folder: Path) -> Component:
+def read_components(study: StudySpec, folder: Path, begin: Begin | None = None) -> tuple[Component, ...]:
+    """The components of a study, in SI, with their damping (equation 4); `begin` is told of each reduction."""
+    return tuple(_read(name, spec, study, folder, begin) for name, spec in study.components.items())
+
+
+def _read(name: str, spec: ComponentSpec, study: StudySpec, folder: Path, begin: Begin | None) -> Component:
     shared = study.damping.ratio if study.damping is not None and study.damping.on == "components" else None
     damping = spec.damping if spec.damping is not None else shared
     given: dict[str, Any] = {"format": spec.format, "name": name, "units": file_units(spec)}
     given |= file_options(spec, folder)
-    if spec.reduce is None:
+    how = spec.reduce
+    if how is None:
         return read_component(folder / spec.file, damping=damping, **given)
     options: dict[str, Any] = {} if spec.geometry is None else {"geometry": folder / spec.geometry}
     model = read_model(folder / spec.file, **given, **options)
-    how = spec.reduce
-    return craig_bampton(
-        model,
-        how.boundary,
-        max_frequency_hz=how.max_frequency_hz,
-        n_modes=how.n_modes,
-        residual_vectors=how.residual_vectors,
-        accuracy=how.accuracy,
-        size=how.size,
-        loads=how.loads,
-        damping_ratio=damping,
-    )
+    with told_of(f"components.{name}.reduce"):
+        return reduce_model(
+            model,
+            how.boundary,
+            method=how.method,
+            interface_nodes=[node.model_dump(exclude_unset=True) for node in how.interface_nodes],
+            characteristic=None if how.characteristic_modes is None else how.characteristic_modes.model_dump(),
+            damping_ratio=damping,
+            progress=None if begin is None else begin(f"reducing {name}"),
+            **how.options,
+        )
 
 
 def file_options(spec: ComponentSpec | TruthSpec, folder: Path) -> dict[str, Any]:
@@ -74,7 +78,12 @@ def assemble(study: StudySpec, components: tuple[Component, ...]) -> System:
         for name, spec in study.components.items()
         if spec.placement is not None
     }
-    return couple(components, connections, method=study.method, placements=placements)
+    system = couple(components, connections, method=study.method, placements=placements)
+    for place, (spec, joint) in enumerate(zip(study.connections, connections, strict=False)):  # those to the ground follow
+        if spec.characteristic_modes is not None:
+            with told_of(f"connections.{place}.characteristic_modes"):
+                system = characteristic_interface(system, str(joint.name), **spec.characteristic_modes.model_dump())
+    return system
 
 
 def connection(spec: ConnectionSpec) -> Connection:

@@ -63,7 +63,7 @@ def run_study(
 def _result(study: StudySpec, path: Path, steps: _Steps) -> StudyResult:
     folder = path.parent
     steps("reading the components", 0.0)
-    components = read_components(study, folder)
+    components = read_components(study, folder, steps.reducing)
     component_checks = {c.name: check_component(c) for c in components}
     steps("coupling", 0.03)
     system = assemble(study, components)
@@ -116,6 +116,12 @@ class _Steps:
         self._started.append((text, time.perf_counter()))
         if self._progress is not None:
             self._progress(text, share)
+
+    def reducing(self, text: str) -> Callable[[str, float], None]:
+        """A step within reading; a callback for the stage and done share of it."""
+        self(text, 0.0)
+        tell = self.between(0.0, 0.03)
+        return lambda _stage, share: tell(share)
 
     def between(self, low: float, high: float) -> Callable[[float], None]:
         """A callback for the done share of the current step."""

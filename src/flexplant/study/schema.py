@@ -21,6 +21,7 @@ from flexplant.study.fields import (
 )
 from flexplant.study.schema_line_of_sight import LineOfSightSpec
 from flexplant.study.schema_outputs import ExportSpec, ReportSpec, ResponseSpec
+from flexplant.study.schema_reduce import CharacteristicSpec, ReduceSpec
 
 
 class PlacementSpec(Section):
@@ -38,31 +39,6 @@ class UnitsSpec(Section):
 
     length_m: Positive = Field(description="one unit of length in metres")
     mass_kg: Positive = Field(description="one unit of mass in kilograms")
-
-
-class ReduceSpec(Section):
-    """Reduction of an unreduced model to a component: constraint modes, fixed-interface modes, load-dependent Ritz vectors."""
-
-    boundary: list[tuple[NodeId, Directions]] = Field(min_length=1, description='[node, "123456"] rows: interface, loads')
-    max_frequency_hz: Positive | None = Field(default=None, description="fixed-interface modes up to here")
-    n_modes: int | None = Field(default=None, ge=0, description="or this many fixed-interface modes")
-    residual_vectors: int = Field(default=0, ge=0, le=10, description="blocks of load-dependent Ritz vectors beside the modes")
-    accuracy: Positive | None = Field(
-        default=None, description="or as many as this relative error of any frequency up to there needs"
-    )
-    size: int | None = Field(default=None, ge=1, description="or the best basis up to there of so many coordinates")
-    loads: list[tuple[NodeId, Directions]] = Field(
-        default=[], description='interior [node, "123"] rows that become inputs and outputs, with their own Ritz vectors'
-    )
-
-    @model_validator(mode="after")
-    def _one_limit(self) -> ReduceSpec:
-        if (self.max_frequency_hz is None) == (self.n_modes is None):
-            raise ValueError("give either max_frequency_hz or n_modes")
-        promises = [name for name in ("accuracy", "size") if getattr(self, name) is not None]
-        if len(promises) > 1 or (promises and (self.n_modes is not None or self.residual_vectors)):
-            raise ValueError(f"{promises[0]} goes with max_frequency_hz alone")
-        return self
 
 
 class ComponentSpec(Section):
@@ -87,6 +63,13 @@ class ComponentSpec(Section):
     geometry: StudyPath | None = Field(
         default=None, description="deck or listing with the node positions that an unreduced model lacks"
     )
+
+    @model_validator(mode="after")
+    def _modes_to_damp(self) -> ComponentSpec:
+        how = self.reduce
+        if self.damping is not None and how is not None and how.method == "guyan" and how.characteristic_modes is None:
+            raise ValueError("damping is that of modes, which method guyan has not; leave it out, or damp the coupled modes")
+        return self
 
 
 class ConnectionSpec(Section):
@@ -118,6 +101,15 @@ class ConnectionSpec(Section):
         description="compliant joint: N s/m and N m s/rad, one value a direction",
     )
     name: str | None = Field(default=None, description="name for interface forces")
+    characteristic_modes: CharacteristicSpec | None = Field(
+        default=None, description="a large rigid interface in few coordinates that both components share"
+    )
+
+    @model_validator(mode="after")
+    def _rigid_where_reduced(self) -> ConnectionSpec:
+        if self.characteristic_modes is not None and (self.stiffness is not None or self.damping is not None):
+            raise ValueError("characteristic_modes are those of a rigid interface; leave out stiffness and damping, or them")
+        return self
 
     @model_validator(mode="after")
     def _one_way_of_pairing(self) -> ConnectionSpec:
