@@ -6,6 +6,7 @@ from functools import cached_property
 
 import numpy as np
 
+from flexplant.errors import InputError
 from flexplant.loop.bordered import bordered
 from flexplant.loop.breaking import cut_open, disturbed
 from flexplant.loop.close import close, solved_wires
@@ -66,12 +67,16 @@ class BrokenLoops:
         return np.concatenate([one_at_a_time(L), L.reshape(-1, hz.size)])
 
     @cached_property
-    def at_nyquist(self) -> FloatArray:
-        """(r,) each loop, the others closed, at the Nyquist frequency, where it is real."""
+    def at_ends(self) -> ComplexArray:
+        """(2, r) each loop, the others closed, at 0 Hz (zero where it is infinite) and at infinity, the Nyquist frequency."""
         D, wiring = self.opened.feedthrough, self.opened.wiring
-        u = solved_wires(self.opened, wiring.internal @ D, wiring.entry)
-        L = -(D @ u)[wiring.readout]
-        return np.asarray(one_at_a_time(L[:, :, None].astype(complex))[:, 0].real)
+        through = D @ solved_wires(self.opened, wiring.internal @ D, wiring.entry)
+        last = one_at_a_time(-through[wiring.readout][:, :, None].astype(complex))[:, 0]
+        try:
+            first = self.loops(np.zeros(1))[:, 0]
+        except InputError:  # a pole at 0 Hz
+            first = np.zeros_like(last)
+        return np.stack([first, last])
 
     def instability(self) -> str:
         """What grows in a digital loop, in words."""

@@ -23,7 +23,7 @@ from flexplant.plant.state_space import StateSpace
 from flexplant.response.crossings import Crossings, Loops, crossings, refined_grid, widened
 from flexplant.response.frequency import checked_frequencies
 from flexplant.response.grids import adaptive_grid
-from flexplant.response.margins import LoopMargins, Margins, disk_margin_of, loop_margins_at
+from flexplant.response.margins import LoopMargins, Margins, disk_margin_of, is_crossing, loop_margins_at
 from flexplant.response.norms import HinfNorm
 from flexplant.response.singular import stacked_singular_values
 
@@ -111,7 +111,7 @@ def _margins(loops: BrokenLoops) -> tuple[Margins, _Curves]:
     at = np.array([grid[curves.sizes[name][:, 0].argmax()] for name in ("S", "T", "half")])
     peaks = {kind: _seen_peak(loops, peak) for kind, peak in peaks_of(loops.closed, at).items()}
     found = crossings(loops.loops, grid, values[:r])
-    every = tuple(_loop_margins(loops, k, one) for k, one in enumerate(found))
+    every = tuple(_loop_margins(loops, k, one, values[k, [0, -1]]) for k, one in enumerate(found))
     stable = bool(np.isfinite(peaks["S"].value))
     if not stable and loops.dt is not None:
         peaks = {kind: replace(peak, explanation=loops.instability()) for kind, peak in peaks.items()}
@@ -122,12 +122,15 @@ def _seen_peak(loops: BrokenLoops, peak: HinfNorm) -> HinfNorm:
     return replace(peak, frequency_hz=float(loops.seen(np.asarray(peak.frequency_hz))))
 
 
-def _loop_margins(loops: BrokenLoops, k: int, found: Crossings) -> LoopMargins:
-    """Of loop k from its crossings; a digital loop that is negative at the Nyquist frequency crosses the real axis there, too."""
-    unit, phase, at_phase = loops.seen(found.unit_hz), loops.seen(found.phase_hz), found.at_phase
-    if loops.dt is not None and loops.at_nyquist[k] < 0:
-        phase, at_phase = np.append(phase, 0.5 / loops.dt), np.append(at_phase, loops.at_nyquist[k])
-    return loop_margins_at(loops.signals[k], unit, found.at_unit, phase, at_phase)
+def _loop_margins(loops: BrokenLoops, k: int, found: Crossings, beside: ComplexArray) -> LoopMargins:
+    """Of loop k from its crossings; beside: its values next to both ends of the axis, where it may cross the real axis, too."""
+    phase, at_phase = loops.seen(found.phase_hz), found.at_phase
+    first, last = loops.at_ends[:, k]
+    if is_crossing(first, beside[0]):
+        phase, at_phase = np.append(0.0, phase), np.append(first, at_phase)
+    if loops.dt is not None and is_crossing(last, beside[1]):
+        phase, at_phase = np.append(phase, 0.5 / loops.dt), np.append(at_phase, last)
+    return loop_margins_at(loops.signals[k], loops.seen(found.unit_hz), found.at_unit, phase, at_phase)
 
 
 def _checked_range(hz: FloatArray, dt: float | None) -> FloatArray:

@@ -16,6 +16,9 @@ from flexplant.response.level import Gain, on_axis, sign_changes
 from flexplant.response.norms import HinfNorm, hinf_norm
 
 ComplexArray = npt.NDArray[np.complex128]
+END = 1e-2  # of the smallest pole, and the same beyond the largest: beside the ends of the axis
+ROUND_OFF = 1e-9
+REGULAR = 1e14  # condition of A up to which it has no pole at zero
 MAX_DB = 6000  # factors of 10^300
 HALF_POWER_DB = 10 * float(np.log10(0.5))  # what "-3 dB" means in a bandwidth: -3.0103
 
@@ -40,7 +43,8 @@ class LoopMargins:
     """Margins of one loop broken at a time.
 
     gain_crossings_hz, phase_margins_deg: every frequency with |L| = 1, and 180 deg + phase there, in (-180, 180].
-    phase_crossings_hz, gain_margins_db: every frequency with phase -180 deg, and -20 log10 |L| there.
+    phase_crossings_hz, gain_margins_db: every frequency with phase -180 deg, and -20 log10 |L| there, 0 Hz and the Nyquist
+    frequency included, where L is real.
     phase_margin_deg: the smallest in size. gain_margin_db: the smallest positive one (gain up); gain_reduction_db: the
     smallest gain decrease that destabilises; inf where there is none. delay_margin_s: smallest delay that reaches a crossing.
     """
@@ -150,7 +154,29 @@ def _loop_margins(L: StateSpace, channel: str) -> LoopMargins:
     gain = Gain(L)
     unit = gain.crossings(1.0)
     phase = _phase_crossings(gain)
-    return loop_margins_at(channel, gain.hz(unit), _values(gain, unit), gain.hz(phase), _values(gain, phase))
+    ends, at_ends = _ends(gain)
+    phase_hz, at_phase = np.r_[ends[ends == 0], gain.hz(phase), ends[ends > 0]], _values(gain, phase)
+    at_phase = np.r_[at_ends[ends == 0], at_phase, at_ends[ends > 0]]
+    return loop_margins_at(channel, gain.hz(unit), _values(gain, unit), phase_hz, at_phase)
+
+
+def _ends(gain: Gain) -> tuple[FloatArray, ComplexArray]:
+    """Hz and values where L is real and negative at an end of the axis: 0 Hz, and the Nyquist frequency in discrete time."""
+    g, sizes, A = gain.continuous, abs(gain.transfer.poles), gain.system.A
+    found = []
+    if g.n_states and np.linalg.cond(A if gain.system.dt is None else A - np.eye(len(A))) < REGULAR:
+        still = g.D - g.C @ np.linalg.solve(g.A, g.B)
+        found.append((0.0, still[0, 0], _values(gain, np.array([END * sizes.min()]))[0]))
+    if gain.system.dt is not None:
+        beside = _values(gain, np.array([sizes.max() / END]))[0] if sizes.size else 0.0
+        found.append((0.5 / gain.system.dt, g.D[0, 0], beside))
+    kept = [(hz, value) for hz, value, beside in found if is_crossing(value, beside)]
+    return np.array([hz for hz, _ in kept]), np.array([value for _, value in kept], dtype=complex)
+
+
+def is_crossing(value: complex, beside: complex) -> bool:
+    """True for a loop gain that is negative at an end of the axis, and no round-off of the one beside the end."""
+    return bool(value.real < -ROUND_OFF * abs(beside))
 
 
 def loop_margins_at(
