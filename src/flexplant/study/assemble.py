@@ -15,8 +15,10 @@ from flexplant.io.registry import path_options
 from flexplant.model.component import Component
 from flexplant.model.geometry import Placement
 from flexplant.numerics.lanczos import Progress
+from flexplant.study.fields import nodes_of
 from flexplant.study.reduction import reduce_model, told_of
 from flexplant.study.schema import ComponentSpec, ConnectionSpec, GroundSpec, StudySpec, TruthSpec, UnitsSpec
+from flexplant.study.schema_reduce import expanded
 
 Begin = Callable[[str], Progress]  # says which step begins, and hears (stage, share) of it
 
@@ -39,10 +41,10 @@ def _read(name: str, spec: ComponentSpec, study: StudySpec, folder: Path, begin:
     with told_of(f"components.{name}.reduce"):
         return reduce_model(
             model,
-            how.boundary,
+            expanded(how.boundary),
             method=how.method,
-            interface_nodes=[node.model_dump(exclude_unset=True) for node in how.interface_nodes],
-            characteristic=None if how.characteristic_modes is None else how.characteristic_modes.model_dump(),
+            interface_nodes=[node.arguments for node in how.interface_nodes],
+            characteristic=None if how.characteristic_modes is None else how.characteristic_modes.arguments,
             damping_ratio=damping,
             progress=None if begin is None else begin(f"reducing {name}"),
             **how.options,
@@ -141,6 +143,6 @@ def parse_boundary(text: str) -> list[tuple[int, str]]:
 
 def _nodes(text: str, whole: str) -> list[int]:
     try:
-        return [int(node) for node in text.split(",")]
+        return [node for named in text.split(",") for node in nodes_of(named)]
     except ValueError:
-        raise InputError(f"{whole!r}: node ids are whole numbers separated by commas, got {text!r}") from None
+        raise InputError(f"{whole!r}: node ids are whole numbers or ranges 17-40 separated by commas, got {text!r}") from None

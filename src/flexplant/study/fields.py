@@ -16,7 +16,20 @@ Vector = tuple[Finite, Finite, Finite]
 Rotation = tuple[Vector, Vector, Vector]
 NodeId = int
 Directions = Annotated[str, Field(pattern="^[0-6]+$")]
+NodeRange = NodeId | Annotated[str, Field(pattern=r"^\d{1,18}-\d{1,18}$")]  # 17, or "17-40"
 DampingRatio = NotNegative | list[NotNegative] | list[tuple[NotNegative, NotNegative]]
+
+
+LONGEST_RANGE = 100_000
+
+
+def nodes_of(node: int | str) -> list[int]:
+    """[17] of 17 or "17", all ids from 17 to 40 of "17-40". Raises ValueError for a text that is neither."""
+    first, dash, last = str(node).partition("-")
+    ids = range(int(first), int(last if dash else first) + 1)
+    if not 0 < len(ids) <= LONGEST_RANGE:
+        raise ValueError(f"{node!r} is no range of nodes from the lower to the higher one, at most {LONGEST_RANGE} of them")
+    return list(ids)
 
 
 def _inside(text: str, info: ValidationInfo) -> str:

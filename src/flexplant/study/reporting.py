@@ -22,6 +22,7 @@ from flexplant.report.figures import (
     transfer_function,
 )
 from flexplant.study.line_of_sight import CASES, SPOT
+from flexplant.study.reductions import reductions_table, reductions_text
 from flexplant.study.result import LineOfSightResult, StudyResult, TruthResult
 from flexplant.study.summary import length
 from flexplant.study.tables import modes_table, response_table
@@ -76,6 +77,8 @@ def _sections(result: StudyResult, view: StructureView | None) -> Iterator[Secti
     if result.line_of_sight is not None:
         yield Section("Spot motion", list(_spot_items(result.line_of_sight)))
         yield Section("Control loop", list(_loop_items(result, result.line_of_sight)))
+    if (reduced := reductions_table(result.study, result.system)) is not None:
+        yield Section("Reductions", [reductions_text(result.study, result.system), reduced])
     yield Section("Checks of the coupled model", [result.checks])
     yield Section(
         "Checks of the components", [item for name, r in result.component_checks.items() for item in (f"Component {name}", r)]

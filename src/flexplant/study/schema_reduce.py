@@ -2,33 +2,40 @@
 
 from __future__ import annotations
 
+from collections import Counter
+from collections.abc import Iterable
 from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, Field, model_validator
 
-from flexplant.study.fields import Directions, NodeId, Positive, Section, Vector
-from flexplant.study.reduction import foreign_option
+from flexplant.study.fields import Directions, NodeId, NodeRange, Positive, Section, Vector, nodes_of
+from flexplant.study.reduction import OPTIONS, foreign_option
 
 AVERAGED = 3  # nodes that an averaging patch needs at least
 
 
-def _distinct_rows(rows: list[tuple[int, str]]) -> list[tuple[int, str]]:
-    _refuse_repeated([f"{node}-{direction}" for node, directions in rows for direction in directions])
+def _distinct_rows(rows: list[tuple[int | str, str]]) -> list[tuple[int | str, str]]:
+    _refuse_repeated([f"{node}-{direction}" for node, directions in expanded(rows) for direction in directions])
     return rows
 
 
-def _distinct_nodes(nodes: list[int]) -> list[int]:
-    _refuse_repeated([str(node) for node in nodes])
+def _distinct_nodes(nodes: list[int | str]) -> list[int | str]:
+    _refuse_repeated([str(node) for named in nodes for node in nodes_of(named)])
     return nodes
 
 
+def expanded(rows: Iterable[tuple[int | str, str]]) -> list[tuple[int, str]]:
+    """[node, directions] rows with a row for each node of a range."""
+    return [(node, directions) for named, directions in rows for node in nodes_of(named)]
+
+
 def _refuse_repeated(names: list[str]) -> None:
-    if twice := sorted({name for name in names if names.count(name) > 1}):
+    if twice := [name for name, count in Counter(names).items() if count > 1]:
         raise ValueError(f"lists {', '.join(twice[:4])} twice; leave one out")
 
 
-Rows = Annotated[list[tuple[NodeId, Directions]], AfterValidator(_distinct_rows)]
-Patch = Annotated[list[NodeId], AfterValidator(_distinct_nodes), Field(min_length=1)]
+Rows = Annotated[list[tuple[NodeRange, Directions]], AfterValidator(_distinct_rows)]
+Patch = Annotated[list[NodeRange], AfterValidator(_distinct_nodes), Field(min_length=1)]
 
 
 class InterfaceNodeSpec(Section):
@@ -38,11 +45,22 @@ class InterfaceNodeSpec(Section):
     kind: Literal["average", "rigid"] = Field(
         description="average (RBE3): it follows the patch, which stays flexible; rigid (RBE2): the patch follows it"
     )
-    patch: Patch | None = Field(default=None, description="nodes of the patch")
+    patch: Patch | None = Field(default=None, description='nodes of the patch; "17-40" is nodes 17 to 40')
     radius_m: Positive | None = Field(default=None, description="or all nodes that are no farther from position_m")
     position_m: Vector | None = Field(default=None, description="where it is, metres; left out: the middle of the patch")
     directions: Directions = Field(default="123456", description="directions in which a rigid patch follows")
     weights: list[Positive] | None = Field(default=None, description="of an averaging patch, one a node; left out: all alike")
+
+    @property
+    def nodes(self) -> list[int]:
+        """The patch, one by one."""
+        return [node for named in self.patch or () for node in nodes_of(named)]
+
+    @property
+    def arguments(self) -> dict[str, Any]:
+        """What was given, for `reduce_model`."""
+        given = self.model_dump(exclude_unset=True)
+        return given if self.patch is None else {**given, "patch": self.nodes}
 
     @model_validator(mode="after")
     def _patch_or_radius(self) -> InterfaceNodeSpec:
@@ -57,7 +75,7 @@ class InterfaceNodeSpec(Section):
         other = {"rigid": "weights", "average": "directions"}[self.kind]
         if other in self.model_fields_set:
             raise ValueError(f"{other} is no option of kind: {self.kind}; leave it out")
-        if self.kind == "average" and self.patch is not None and len(self.patch) < AVERAGED:
+        if self.kind == "average" and self.patch is not None and len(self.nodes) < AVERAGED:
             raise ValueError("an averaging patch needs three nodes or more, not on one line; add nodes, or take kind: rigid")
         return self
 
@@ -80,6 +98,11 @@ class KeptCharacteristicSpec(CharacteristicSpec):
 
     keep: Rows = Field(min_length=1, description='boundary [node, "123456"] rows that stay: what connections and channels name')
 
+    @property
+    def arguments(self) -> dict[str, Any]:
+        """What was given, for `characteristic_constraint_modes`."""
+        return {**self.model_dump(exclude_unset=True), "keep": expanded(self.keep)}
+
 
 class ReduceSpec(Section):
     """Reduction of an unreduced model to a component; the methods, and what they are good for: docs/reduction.md."""
@@ -89,7 +112,7 @@ class ReduceSpec(Section):
         description="craig_bampton (modes with the boundary held, residual vectors), rubin (free modes, residual flexibility) or "
         "guyan (statics only, no options but boundary, recover, keep_basis and those of interfaces)",
     )
-    boundary: Rows = Field(min_length=1, description='[node, "123456"] rows: interface, loads')
+    boundary: Rows = Field(min_length=1, description='[node, "123456"] rows: interface, loads; "17-40" is nodes 17 to 40')
     interface_nodes: list[InterfaceNodeSpec] = Field(
         default=[], description="new nodes for patches of nodes, made before the reduction"
     )
@@ -116,8 +139,9 @@ class ReduceSpec(Section):
     @property
     def options(self) -> dict[str, Any]:
         """Options of the method that were given."""
-        structure = {"method", "boundary", "interface_nodes", "characteristic_modes"}
-        return {name: getattr(self, name) for name in self.model_fields_set - structure if getattr(self, name) is not None}
+        given = {name: getattr(self, name) for name in OPTIONS if name in self.model_fields_set}
+        rows = {name: expanded(given[name]) for name in ("loads", "recover") if name in given}
+        return {name: value for name, value in (given | rows).items() if value is not None}
 
     @model_validator(mode="after")
     def _own_options(self) -> ReduceSpec:
@@ -138,7 +162,7 @@ class ReduceSpec(Section):
     def _interface_nodes_are_used(self) -> ReduceSpec:
         ids = [spec.node for spec in self.interface_nodes]
         _refuse_repeated([f"interface node {node}" for node in ids])
-        held = {node for node, _ in (*self.boundary, *self.loads)}
+        held = {node for node, _ in expanded((*self.boundary, *self.loads))}
         if unused := [node for node in ids if node not in held]:
             raise ValueError(f"interface node {unused[0]} is neither in boundary nor in loads; add [{unused[0]}, '123456'] there")
         return self

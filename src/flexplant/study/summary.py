@@ -7,12 +7,13 @@ from collections.abc import Iterator
 import numpy as np
 
 from flexplant.study.line_of_sight import CASES
+from flexplant.study.reductions import how_reduced, reductions_table, reductions_text
 from flexplant.study.result import LineOfSightResult, StudyResult
-from flexplant.study.schema import ComponentSpec
 from flexplant.study.verification import Compared
 from flexplant.verification import Table
 from flexplant.verification.reduction_range import COMPLETE, LARGEST, TITLE
 
+ROUND_OFF = 1e-10  # % of a frequency, below which an estimate says nothing
 SEEN, UNSEEN = 0.05, 1e-6  # shares of the largest residue that count as there and as absent
 
 
@@ -22,6 +23,7 @@ def summary(result: StudyResult, compared: Compared | None) -> tuple[str, ...]:
         result.study.statement,
         _model(result),
         _reference(result, compared),
+        reductions_text(result.study, result.system),
         _reductions(result),
         _plant(result),
         _truth(result),
@@ -64,9 +66,8 @@ def _reductions(result: StudyResult) -> str:
     sentences = [text[0].upper() + text[1:] for text in short]
     for check in largest:
         where = "as far as they are complete" if short else f"up to {limit:.4g} Hz"
-        sentences.append(
-            f"Estimated frequency errors of the reductions {where}: {check.value:.2g} % at most, {check.explanation}."
-        )
+        found = f"{check.value:.2g} % at most, {check.explanation}" if check.value > ROUND_OFF else "below round-off"
+        sentences.append(f"Estimated frequency errors of the reductions {where}: {found}.")
     return " ".join(sentences)
 
 
@@ -105,17 +106,9 @@ def _second(result: StudyResult) -> str:
         return ""
     _, _, median, largest = result.truth.second_below_limit
     parts = result.study.truth.components
-    how = ", ".join(f"{name} from {spec.file}{_reduced(spec)}" for name, spec in parts.items())
+    how = ", ".join(f"{name} from {spec.file}{how_reduced(spec)}" for name, spec in parts.items())
     differs = f"the same plant differs by {median:.2g} % and {largest:.2g} %"
     return f" Built from other components ({how}), {differs}; what lies between is the basis of the first ones."
-
-
-def _reduced(spec: ComponentSpec) -> str:
-    how = spec.reduce
-    if how is None:
-        return ""
-    modes = f"{how.n_modes} modes" if how.n_modes is not None else f"modes up to {how.max_frequency_hz:g} Hz"
-    return f" with {modes} and {how.residual_vectors} block{'s'[: how.residual_vectors != 1]} of Ritz vectors"
 
 
 def _line_of_sight(loop: LineOfSightResult) -> Iterator[str]:
@@ -161,6 +154,8 @@ def study_tables(result: StudyResult, compared: Compared | None) -> tuple[Table,
     """The tables that are printed and stored."""
     tables = [] if compared is None else [compared.table]
     tables += [t for t in result.checks.tables if t.title.startswith("Mass properties")]
+    reduced = reductions_table(result.study, result.system)
+    tables += [] if reduced is None else [reduced]
     tables += [t for t in result.checks.tables if t.title.startswith(TITLE)]
     tables += [] if result.truth is None else [result.truth.table]
     tables += [] if result.line_of_sight is None else list(result.line_of_sight.tables)
