@@ -38,7 +38,7 @@ def checked_signals(diagram: Diagram, at: str | Sequence[str]) -> list[str]:
 def cut_open(diagram: Diagram, signals: Sequence[str]) -> Diagram:
     """Every wire from the signals is driven from outside instead: inputs "cut <signal>", outputs the signals that come back."""
     ends = {name: [end for start, end in diagram.connections if start == name] for name in signals}
-    return _alone(
+    return alone(
         diagram,
         connections=[wire for wire in diagram.connections if wire[0] not in ends],
         inputs={CUT + name: ports for name, ports in ends.items()},
@@ -58,7 +58,7 @@ def disturbed(diagram: Diagram, signals: Sequence[str]) -> dict[str, Diagram]:
     at = dict(zip(signals, names, strict=True))
     rewired = [(f"{at[start]}.S" if start in at else start, end) for start, end in diagram.connections]
     return {
-        kind: _alone(
+        kind: alone(
             diagram,
             blocks={**diagram.blocks, **dict.fromkeys(names, junction)},
             connections=[*rewired, *((name, f"{j}.y") for name, j in at.items())],
@@ -69,7 +69,7 @@ def disturbed(diagram: Diagram, signals: Sequence[str]) -> dict[str, Diagram]:
     }
 
 
-def _alone(
+def alone(
     diagram: Diagram,
     *,
     blocks: Mapping[str, Block] | None = None,

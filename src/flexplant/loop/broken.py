@@ -11,8 +11,8 @@ from flexplant.loop.bordered import bordered
 from flexplant.loop.breaking import cut_open, disturbed
 from flexplant.loop.close import close, solved_wires
 from flexplant.loop.diagram import Diagram
+from flexplant.loop.diagram_response import ComplexArray, DiagramResponse
 from flexplant.loop.discretize import discretize
-from flexplant.loop.frequency import ComplexArray, DiagramResponse
 from flexplant.loop.norms import has_bordered_form, loop_axes
 from flexplant.loop.rates import digital_times, expect_sampled, rates_of
 from flexplant.loop.stability import stability

@@ -42,14 +42,17 @@ def close(diagram: Diagram) -> StateSpace:
 
 
 def linear_only(diagram: Diagram) -> None:
-    """DiagramError for a diagram with nonlinear blocks or several sample times, which only `simulate` can take."""
+    """DiagramError for a diagram with nonlinear blocks or several sample times, which has no transfer function of its own."""
     nonlinear = [name for name, block in diagram.blocks.items() if isinstance(block, SampledBlock)]
     if nonlinear:
         raise DiagramError(
             f"diagram {diagram.name!r} has nonlinear blocks ({', '.join(nonlinear)}); simulate it, or leave them out"
         )
     if diagram.is_sampled:
-        raise DiagramError(f"mixed sample times ({diagram.rates}): simulate the diagram, or discretize all blocks at one dt")
+        raise DiagramError(
+            f"mixed sample times ({diagram.rates}): such a diagram varies in time; discretize(diagram, dt) makes one discrete"
+            " system of it, loop_response, frequency_response and simulate take it as it is"
+        )
 
 
 def solved_wires(diagram: Diagram, through: FloatArray, right: FloatArray) -> FloatArray:

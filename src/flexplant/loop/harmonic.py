@@ -14,7 +14,8 @@ from flexplant.blocks.wheel import Wheel, harmonic_amplitudes
 from flexplant.errors import InputError, expect, nearest
 from flexplant.loop.cascade import closed_states, simulated
 from flexplant.loop.diagram import Diagram
-from flexplant.loop.frequency import ComplexArray, Linear, frequency_response
+from flexplant.loop.diagram_response import ComplexArray
+from flexplant.loop.frequency import Linear, frequency_response
 from flexplant.loop.labels import coordinates
 from flexplant.loop.steady import input_amplitudes
 from flexplant.loop.tone_sweep import ToneSweep, tone_sweep_of

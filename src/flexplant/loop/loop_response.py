@@ -15,7 +15,7 @@ from flexplant.errors import InputError
 from flexplant.loop.breaking import checked_signals
 from flexplant.loop.broken import BrokenLoops, one_at_a_time
 from flexplant.loop.diagram import Diagram
-from flexplant.loop.frequency import ComplexArray
+from flexplant.loop.diagram_response import ComplexArray
 from flexplant.loop.loop_peaks import peaks_of
 from flexplant.model.arrays import FloatArray
 from flexplant.plant.modal import ModalPlant

@@ -54,6 +54,6 @@ def period_map(hybrid: Hybrid, dt: float, steps: int, hold: str = "zero") -> Per
 
 
 def _stepped(one: Stepper, x: FloatArray, driven: FloatArray) -> FloatArray:
-    n = len(one.modes)
-    modes = np.einsum("nij,jnk->ink", one.modes, x[: 2 * n].reshape(2, n, -1)).reshape(2 * n, -1)
+    n, columns = len(one.modes), x.shape[1]
+    modes = np.einsum("nij,jnk->ink", one.modes, x[: 2 * n].reshape(2, n, columns)).reshape(2 * n, columns)
     return np.asarray(np.vstack([modes, one.from_modes @ x[: 2 * n] + one.A @ x[2 * n :]]) + one.drive.T @ driven)

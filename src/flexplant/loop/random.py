@@ -12,7 +12,8 @@ import xarray as xr
 from flexplant.errors import InputError
 from flexplant.loop.close import close
 from flexplant.loop.diagram import Diagram
-from flexplant.loop.frequency import ComplexArray, Linear, frequency_response
+from flexplant.loop.diagram_response import ComplexArray
+from flexplant.loop.frequency import Linear, frequency_response
 from flexplant.loop.spectra import Interpolation, Spectra, checked_spectra
 from flexplant.loop.unstable import refuse_unstable
 from flexplant.model.arrays import FloatArray, checked_switch
