@@ -136,7 +136,7 @@ def systems(part: fp.Component, held: fp.System, modes: fp.Modes) -> dict[str, C
         "Check": (fp.Check, check),
         "CheckReport": (fp.CheckReport, {"checks": (), "tables": (), "notes": ()}),
         "CheckReport by name": (fp.CheckReport((fp.Check(**check),)).__getitem__, {"name": "n"}),
-        "Reference": (fp.Reference, {**known, "rigid_below_hz": 0.01, "source": "s"}),
+        "Reference": (fp.Reference, {**known, "rigid_below_hz": 0.01, "source": "s", "provenance": {}}),
         "check_component": (fp.check_component, {"component": part}),
         "mass_properties": (fp.mass_properties, {"model": part}),
         "strain_energy": (fp.strain_energy, {"component": part, "placement": fp.Placement()}),
@@ -151,12 +151,12 @@ def plants(held: fp.System, modes: fp.Modes, plant: fp.ModalPlant) -> dict[str, 
     one = [[1.0]]
     shapes = {"shape_in": one, "shape_out": one, "shape_out_velocity": one, "shape_out_acceleration": one}
     direct = {"damping": one, "static_correction": one, "feedthrough": one, "report": {}}
-    matrices = {"A": EYE, "B": np.ones((3, 1)), "C": np.ones((1, 3)), "D": [[0.0]], **PORT, **TEXTS}
+    matrices = {"A": EYE, "B": np.ones((3, 1)), "C": np.ones((1, 3)), "D": [[0.0]], **PORT, **TEXTS, "source": {}}
     ask = {"system": held, "inputs": TIP, "outputs": TIP, "name": "p"}
     how = {"max_frequency_hz": 1e5, "n_modes": 2, "damping_ratio": 0.01, "off_diagonal_damping": "keep"}
     ss = fp.state_space(plant)
     return {
-        "ModalPlant": (fp.ModalPlant, {"omega": [1.0], "zeta": [0.1], **shapes, **direct, **PORT, **TEXTS}),
+        "ModalPlant": (fp.ModalPlant, {"omega": [1.0], "zeta": [0.1], **shapes, **direct, **PORT, **TEXTS, "source": {}}),
         "modal_plant": (fp.modal_plant, {**ask, **how, "static_correction": False}),
         "modal_plant of modes": (fp.modal_plant, {"system": held, "inputs": TIP, "outputs": TIP, "modes": modes}),
         "select": (fp.select, {"plant": plant, "inputs": TIP, "outputs": TIP}),
@@ -312,11 +312,11 @@ def files(model: fp.FiniteElementModel, part: fp.Component, plant: fp.ModalPlant
         "read_component": (fp.read_component, {"path": folder / "c.npz", "name": "n", "damping": 0.01, **kind}),
         "read_component option": (fp.read_component, {"path": folder / "c.npz", "max_bytes": 1e9}),
         "read_display_mesh": (fp.read_display_mesh, {"path": folder / "plate.npz", **kind}),
-        "read_geometry": (fp.read_geometry, {"path": folder / "deck.bdf", "format": None}),
+        "read_geometry": (fp.read_geometry, {"path": folder / "deck.bdf", **kind}),
         "read_model": (fp.read_model, {"path": folder / "m.npz", "name": "n", **kind}),
         "read_plant": (fp.read_plant, {"path": folder / "p.npz"}),
-        "read_reference": (fp.read_reference, {"path": folder / "test.uff", "component": "bus"}),
-        "read_response_functions": (fp.read_response_functions, {"path": folder / "test.uff"}),
+        "read_reference": (fp.read_reference, {"path": folder / "test.uff", "component": "bus", "units": None}),
+        "read_response_functions": (fp.read_response_functions, {"path": folder / "test.uff", "units": None}),
         "read_results": (fp.read_results, {"path": folder / "r.nc"}),
         "write_component": (fp.write_component, {"component": part, "path": new, "basis": False, **over}),
         "write_model": (fp.write_model, {"model": model, "path": folder / "new_model.npz", **over}),

@@ -57,8 +57,8 @@ modal_plant: n_modes; modal_plant of modes: modes; from_control: inputs outputs;
 GainSweep at: out; white_noise_rms: intensity; frequency_response: out; line_of_sight_diagram: plant;
 simulate: inputs progress initial; simulate tones: inputs progress initial; simulate_stream: inputs initial;
 gain: inputs outputs; renamed: inputs outputs; convert: format units read_options; inspect: format units;
-plausibility: found; read_component: format units; read_display_mesh: format units; read_geometry: format;
-read_model: format units; run_study: progress; plot: output input
+plausibility: found; read_component: format units; read_display_mesh: format units; read_geometry: format units;
+read_reference: units; read_response_functions: units; read_model: format units; run_study: progress; plot: output input
 [text, long]
 Component: name units; FiniteElementModel: name units; Recovery: name; UnitSystem: name; Reference: source;
 ModalPlant: name; modal_plant: name; descriptor: name; Descriptor: name; StateSpace: name; from_scipy: name; Diagram: name;
@@ -117,7 +117,8 @@ characteristic_constraint_modes: n_modes; craig_bampton: threads n_modes; rubin:
 LineOfSight: focal_length; angle_sensor: focal_length; line_of_sight_geometry: focal_length; thin_lens: focal_length;
 transfer_function: denominator
 [dict]
-Component: source; FiniteElementModel: source; ModalPlant: report; summing_junction: signs
+Component: source; FiniteElementModel: source; ModalPlant: report source; StateSpace: source;
+Descriptor: source; Reference: provenance; summing_junction: signs
 [1.5]
 craig_bampton by accuracy: max_frequency_hz; adaptive_grid: low_hz per_decade
 [none, 1.5, 1e30, inf]

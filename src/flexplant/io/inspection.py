@@ -4,24 +4,22 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Iterable, Mapping
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from flexplant.errors import InputError, PlausibilityWarning, ReadError
+from flexplant.io.described import Rows, mesh_rows, model_rows, plant_rows, reference_rows, result_rows
 from flexplant.io.output import dropped, read_plant, without, write_component, write_model, write_plant
 from flexplant.io.parse.files import as_path, read_head
 from flexplant.io.parse.h5 import SIGNATURE
 from flexplant.io.parse.own_plant import Plant
-from flexplant.io.plausibility import Model, first_frequencies, plausibility, quantities
+from flexplant.io.plausibility import Model
 from flexplant.io.registry import Units, read_component, read_geometry, read_model, recognise
 from flexplant.io.write.ownership import is_file, written_as
 from flexplant.model.component import Component
-from flexplant.plant.modal import ModalPlant
 from flexplant.verification.checks import Table
 
-SHOWN = 12
-NETCDF = (".nc", ".nc4")
+NETCDF, UNIVERSAL = (".nc", ".nc4"), b"    -1"
 
 
 def inspect(path: str | Path, *, format: str | None = None, units: Units | None = None, **options: Any) -> Table:  # noqa: A002
@@ -29,21 +27,24 @@ def inspect(path: str | Path, *, format: str | None = None, units: Units | None 
 
     Arguments as in `read_component`. Raises ReadError for a file that no reader takes.
     """
+    rows = tuple(_rows(path, format, units, options))
+    return Table(Path(path).name, ("what", "value"), rows)
+
+
+def _rows(path: str | Path, wanted: str | None, units: Units | None, options: dict[str, Any]) -> Rows:
     try:
         with warnings.catch_warnings():  # its rows say the same, and more
             warnings.simplefilter("ignore", PlausibilityWarning)
-            value: Any = read_any(path, format=format, units=units, **options)
+            value = read_any(path, format=wanted, units=units, **options)
     except ReadError as error:
-        if format is None and _is_results(as_path(path)):
-            return Table(Path(path).name, ("what", "value"), tuple(_result_rows(as_path(path))))
-        if not _reads_as_geometry(path, format):
+        if wanted is None and _is_results(as_path(path)):
+            return result_rows(as_path(path))
+        if wanted is None and _is_universal(as_path(path)):
+            return reference_rows(as_path(path), units)
+        if not _reads_as_geometry(path, wanted):
             raise error from None
-        mesh = read_geometry(path, format=format)
-        rows: list[tuple[object, ...]] = [("kind", "geometry"), ("nodes", len(mesh.nodes))]
-        rows += [("surfaces", len(mesh.quads)), ("lines", len(mesh.lines))]
-        return Table(Path(path).name, ("what", "value"), tuple(rows))
-    described = _plant_rows(value) if not isinstance(value, Model) else _model_rows(value)
-    return Table(Path(path).name, ("what", "value"), tuple(described))
+        return mesh_rows(read_geometry(path, format=wanted, units=units))
+    return model_rows(value) if isinstance(value, Model) else plant_rows(value)
 
 
 def convert(
@@ -118,63 +119,5 @@ def _is_results(path: Path) -> bool:
     return is_file(path) and (written_as(path) == "netcdf" or (path.suffix in NETCDF and read_head(path).startswith(SIGNATURE)))
 
 
-def _result_rows(path: Path) -> list[tuple[object, ...]]:
-    """Title, and every variable with its dimensions, range of its coordinates and units."""
-    from flexplant.io.parse.netcdf import read_results
-
-    data = read_results(path)
-    rows: list[tuple[object, ...]] = [("kind", "results (NetCDF-4)")]
-    rows += [("title", data.attrs["title"])] if "title" in data.attrs else []
-    for name, values in data.data_vars.items():
-        sizes = " x ".join(f"{size} {dim}" for dim, size in values.sizes.items()) or "one number"
-        units = f" [{values.attrs['units']}]" if "units" in values.attrs else ""
-        rows.append((name, f"{values.dtype}, {sizes}{units}"))
-    return rows
-
-
-def _model_rows(model: Model) -> list[tuple[object, ...]]:
-    hz, problem = first_frequencies(model, SHOWN)
-    found = replace(quantities(model, modes=False), frequency_hz=next((f for f in hz if f > 0), None))
-    component = isinstance(model, Component)
-    rows: list[tuple[object, ...]] = [
-        ("kind", "component" if component else "finite-element model"),
-        ("name", model.name),
-        ("format", model.source.get("format", "")),
-        ("units", model.source.get("units", model.units)),
-        ("degrees of freedom", len(model.dofs)),
-    ]
-    if isinstance(model, Component):
-        rows += [
-            ("boundary", f"{model.n_boundary} DOF at nodes {_some(model.boundary.nodes)}"),
-            ("modal coordinates", model.n_modal),
-            ("fixed-interface modes [Hz]", _some([f"{f:.5g}" for f in model.fixed_interface_hz])),
-            ("recovery", _some([f"{r.name} ({len(r.labels)} rows: {r.labels[0]} ...)" for r in model.recovery.values()])),
-        ]
-    rows += [
-        ("damping", "none" if model.damping is None else "given"),
-        ("mass", "no node positions" if found.mass is None else f"{found.mass:.7g}"),
-        ("extent", "" if found.size is None else f"{found.size:.5g}"),
-        ("first frequencies [Hz]", _some([f"{f:.5g}" for f in hz]) or f"none: {problem}"),
-        ("left out", _some(model.source.get("unused", []))),
-        ("sha256", str(model.source.get("sha256", ""))[:16]),
-    ]
-    rows += [("note", text) for text in plausibility(model, found)]
-    return [row for row in rows if row[1] != ""]
-
-
-def _plant_rows(plant: Plant) -> list[tuple[object, ...]]:
-    rows: list[tuple[object, ...]] = [("kind", type(plant).__name__), ("name", plant.name)]
-    if isinstance(plant, ModalPlant):
-        rows += [("modes", f"{plant.n_modes}, {plant.n_rigid} rigid"), ("first frequencies [Hz]", _hertz(plant))]
-    else:
-        rows.append(("states", plant.n_states))
-    return [*rows, ("inputs", _some(plant.inputs)), ("outputs", _some(plant.outputs))]
-
-
-def _hertz(plant: ModalPlant) -> str:
-    return _some([f"{f:.5g}" for f in sorted(plant.frequency_hz)])
-
-
-def _some(values: Any) -> str:
-    shown = [str(v) for v in list(values)[:SHOWN]]
-    return ", ".join(shown) + (f", ... ({len(values)})" if len(values) > SHOWN else "")
+def _is_universal(path: Path) -> bool:
+    return is_file(path) and read_head(path)[:80].split(b"\n")[0].rstrip() == UNIVERSAL

@@ -19,7 +19,7 @@ import flexplant.io.write
 from flexplant.errors import InputError, ReadError, expect
 from flexplant.io.formats import Writer
 from flexplant.io.options import check_options
-from flexplant.io.parse.files import as_path, checked_file, read_head
+from flexplant.io.parse.files import UNSTATED_NUMBERS, as_path, checked_file, provenance, read_head
 from flexplant.io.parse.h5 import SIGNATURE, read_h5
 from flexplant.io.parse.mat5 import read_mat, read_mat_texts
 from flexplant.io.parse.npz import looks_like_npz, read_npz
@@ -164,9 +164,17 @@ def read_plant(path: str | Path) -> Plant:
     path = checked_file(path)
     head = read_head(path)
     if looks_like_npz(head):
-        return unpack_plant(read_npz(path), path)
+        return _with_provenance(unpack_plant(read_npz(path), path), path, "flexplant_npz")
     if head.startswith(SIGNATURE):
-        return unpack_plant(read_h5(path), path)
+        return _with_provenance(unpack_plant(read_h5(path), path), path, "flexplant_h5")
     if head.startswith(b"MATLAB "):
-        return unpack_matlab(read_mat(path), path, read_mat_texts(path))
+        return _with_provenance(unpack_matlab(read_mat(path), path, read_mat_texts(path)), path, "mat")
     raise ReadError(path, "is not a plant in flexplant's .npz or .h5, or a .mat file")
+
+
+def _with_provenance(plant: Plant, path: Path, format_name: str) -> Plant:
+    """The plant with its file as its source; what the file says of its own sources is the origin, as of a component."""
+    said = [unit for unit in dict.fromkeys((*plant.input_units, *plant.output_units)) if unit]
+    units = f"of the channels, as in the file: {', '.join(said)}" if said else UNSTATED_NUMBERS
+    origin = {"origin": plant.source} if plant.source else {}
+    return replace(plant, source=provenance(path, format_name, __name__) | {"units": units} | origin)

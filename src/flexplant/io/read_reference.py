@@ -6,7 +6,7 @@ binary variant 58b is refused with a message that says so.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -15,20 +15,24 @@ import numpy as np
 
 from flexplant.errors import InputError, ReadError
 from flexplant.io.parse.files import as_path, one_line, provenance
-from flexplant.io.parse.number_text import integers, read_lines
+from flexplant.io.parse.number_text import integers
+from flexplant.io.parse.universal import Section, file_units, is_si, numbers, said_units, sections
 from flexplant.model.arrays import FloatArray
 from flexplant.model.component import check_name
+from flexplant.model.units import UnitSystem
 from flexplant.verification import Reference
 
-DELIMITER = "    -1"
 NORMAL_MODE, COMPLEX_MODE = 2, 3
-RESPONSE_FUNCTION = 4
+TIME_RESPONSE, RESPONSE_FUNCTION = 1, 4
 REAL_TYPES, COMPLEX_TYPES = (2, 4), (5, 6)
 QUANTITIES = {0: "unknown", 1: "general", 2: "stress", 3: "strain", 5: "temperature", 6: "heat flux", 8: "displacement",
               9: "reaction force", 11: "velocity", 12: "acceleration", 13: "excitation force", 15: "pressure", 16: "mass",
               17: "time", 18: "frequency", 19: "rpm", 20: "order"}  # fmt: skip
 MOTIONS = {"displacement": "receptance", "velocity": "mobility", "acceleration": "accelerance"}
 FORCES = ("reaction force", "excitation force")
+SI_UNITS = {"displacement": "m", "velocity": "m/s", "acceleration": "m/s^2", **dict.fromkeys(FORCES, "N")}
+ANGULAR_UNITS = {"displacement": "rad", "velocity": "rad/s", "acceleration": "rad/s^2", **dict.fromkeys(FORCES, "N m")}
+Units = str | UnitSystem | tuple[float, float]
 
 
 @dataclass(frozen=True)
@@ -36,7 +40,7 @@ class ResponseFunction:
     """A dataset 58: values over the abscissa (Hz for a frequency response), response and reference DOF (node, direction).
 
     attrs: what the file says of its axes, "abscissa", "ordinate" and "denominator", each with "quantity" ("acceleration", ...),
-    "label" and "units" as in the file, which are not converted. source: the file, its hash and the reader.
+    "label" and "units" as in the file, or SI where numbers were converted. source: the file, its hash, the reader, its units.
     """
 
     title: str
@@ -57,76 +61,93 @@ class ResponseFunction:
         return over if under in ("unknown", "general") else f"{over} / {under}"
 
 
-@dataclass(frozen=True)
-class Section:
-    """A dataset: its number, its lines, and the number of the first of these in the file."""
-
-    number: str
-    lines: list[str]
-    first: int
-
-
-def sections(path: Path) -> Iterator[Section]:
-    """The datasets between pairs of -1 lines."""
-    lines, begin = read_lines(path), None
-    for i, line in enumerate(lines):
-        if line.rstrip() != DELIMITER:
-            continue
-        if begin is None:
-            begin = i
-        else:
-            number = lines[begin + 1].split()[:1] if begin + 1 < i else []
-            yield Section(number[0] if number else "", lines[begin + 2 : i], begin + 3)
-            begin = None
-    if begin is not None:
-        raise ReadError(path, "ends within a dataset: no closing -1", record=f"line {begin + 1}")
-
-
-def read_reference(path: str | Path, *, component: str | None = None) -> Reference:
+def read_reference(path: str | Path, *, component: str | None = None, units: Units | None = None) -> Reference:
     """The modes of dataset 55: frequencies in Hz, and with `component` the shapes at "component.node.direction".
 
-    Shapes are the real parts of three or six values a node. Raises ReadError where there is no dataset 55 of modes, or where
-    its modes have different nodes.
+    Shapes are the real parts of three or six values a node. units: the file's unit system as in `read_component`; None takes
+    what dataset 164 states; translations become metres beside radians. Raises ReadError where there is no dataset 55 of modes,
+    where its modes have different nodes, or where units contradict the file's.
     """
     path = as_path(path)
     if component is not None:
         check_name(component, "component")
-    modes = [_mode(path, s) for s in sections(path) if s.number == "55"]
+    found = list(sections(path))
+    modes = [_mode(path, s) for s in found if s.number == "55"]
     if not modes:
         raise ReadError(path, "has no dataset 55 (mode shapes)")
     labels = modes[0][1]
     if any(mode[1] != labels for mode in modes):
         raise ReadError(path, "has modes with different nodes; give one mode set a file")
+    chosen = file_units(path, found, units)
     order = np.argsort([hz for hz, _, _ in modes], kind="stable")
     hz = np.array([modes[i][0] for i in order])
-    shapes = np.column_stack([modes[i][2] for i in order])
+    shapes = np.column_stack([modes[i][2] for i in order]) * _lengths(labels, chosen)[:, None]
     named = [f"{component}.{node}.{direction}" for node, direction in labels]
+    record = _record(path, "universal file 55", chosen)
     try:
-        return Reference(hz, source=path.name) if component is None else Reference(hz, shapes, named, source=path.name)
+        if component is None:
+            return Reference(hz, source=path.name, provenance=record)
+        return Reference(hz, shapes, named, source=path.name, provenance=record)
     except InputError as error:
         raise ReadError(path, one_line(error)) from None
 
 
-def read_response_functions(path: str | Path) -> list[ResponseFunction]:
-    """All functions of dataset 58; ReadError for binary ones and for counts that do not fit."""
+def read_response_functions(path: str | Path, *, units: Units | None = None) -> list[ResponseFunction]:
+    """All functions of dataset 58; ReadError for binary ones and for counts that do not fit.
+
+    units: the file's unit system as in `read_component`; None takes what dataset 164 states. Motions and forces become SI.
+    """
     path = as_path(path)
-    found = [s for s in sections(path) if s.number.startswith("58")]
+    every = list(sections(path))
+    found = [s for s in every if s.number.startswith("58")]
     if any(s.number != "58" for s in found):
         raise ReadError(path, "has binary datasets 58b; export them as ASCII (58)")
-    source = provenance(path, "universal file 58", __name__) if found else {}
-    return [replace(_function(path, s), source=source) for s in found]
+    chosen = file_units(path, every, units)
+    source = _record(path, "universal file 58", chosen) if found else {}
+    return [_in_si(replace(_function(path, s), source=source), chosen) for s in found]
 
 
-def _numbers(path: Path, section: Section, start: int, stop: int | None = None) -> FloatArray:
-    fields = " ".join(section.lines[start:stop]).replace("D", "E").split()
-    try:
-        return np.array(fields, dtype=float)
-    except ValueError:
-        raise ReadError(path, "has text where numbers should be", record=f"line {section.first + start}") from None
+def _record(path: Path, kind: str, units: UnitSystem | None) -> dict[str, Any]:
+    return provenance(path, kind, __name__) | {"units": said_units(units)}
+
+
+def _lengths(labels: list[tuple[int, int]], units: UnitSystem | None) -> FloatArray:
+    """Metres in a unit of each translation, 1 for rotations."""
+    length = 1.0 if units is None else units.length
+    return np.array([length if direction <= 3 else 1.0 for _, direction in labels])
+
+
+def _in_si(function: ResponseFunction, units: UnitSystem | None) -> ResponseFunction:
+    """In SI: frequency responses of motions and forces, and their histories. Else the numbers of the file, as `source` says."""
+    if is_si(units):
+        return function
+    assert units is not None
+    over = _axis(function, "ordinate", function.response[1], units)
+    under = _axis(function, "denominator", function.reference[1], units)
+    if over is None or under is None or function.kind not in (TIME_RESPONSE, RESPONSE_FUNCTION):
+        kept = f"{units.name}: not converted: a function of type {function.kind}, {function.quantity}"
+        return replace(function, source={**function.source, "units": kept})
+    attrs = {**function.attrs}
+    for axis, (_, unit) in (("ordinate", over), ("denominator", under)):
+        attrs[axis] = {**attrs[axis], "units": unit} if unit else attrs[axis]
+    return replace(function, values=function.values * (over[0] / under[0]), attrs=attrs)
+
+
+def _axis(function: ResponseFunction, axis: str, direction: int, units: UnitSystem) -> tuple[float, str] | None:
+    """SI units in a unit of the file's axis, and the SI unit; (1, "") where a history has no denominator; None if not known."""
+    quantity = function.attrs[axis]["quantity"]
+    if axis == "denominator" and function.kind == TIME_RESPONSE and quantity in ("unknown", "general"):
+        return 1.0, ""
+    angular = abs(direction) > 3
+    if quantity in FORCES:
+        return units.force * (units.length if angular else 1.0), (ANGULAR_UNITS if angular else SI_UNITS)[quantity]
+    if quantity in MOTIONS:
+        return 1.0 if angular else units.length, (ANGULAR_UNITS if angular else SI_UNITS)[quantity]
+    return None
 
 
 def _integers(path: Path, section: Section, line: int, count: int) -> list[int]:
-    values = _numbers(path, section, line, line + 1) if line < len(section.lines) else np.zeros(0)
+    values = numbers(path, section, line, line + 1) if line < len(section.lines) else np.zeros(0)
     if values.size < count or not (abs(values[:count]) < 2**31).all() or (values[:count] % 1).any():
         shown = one_line(section.lines[line])[:40] if line < len(section.lines) else "nothing"
         raise ReadError(path, f"{count} integers are needed, found {shown!r}", record=f"line {section.first + line}")
@@ -139,12 +160,12 @@ def _mode(path: Path, section: Section) -> tuple[float, list[tuple[int, int]], F
     if kind not in (NORMAL_MODE, COMPLEX_MODE) or each not in (3, 6) or data_type not in (*REAL_TYPES, *COMPLEX_TYPES):
         problem = f"is analysis type {kind}, data type {data_type}, {each} values a node; modes have 2 or 3, 2 or 5, 3 or 6"
         raise ReadError(path, problem, record=f"line {section.first + 5}")
-    reals = _numbers(path, section, 7, 8)
+    reals = numbers(path, section, 7, 8)
     if reals.size < 1 + (kind == COMPLEX_MODE):
         raise ReadError(path, "a mode has no frequency", record=f"line {section.first + 7}")
     frequency = float(reals[0]) if kind == NORMAL_MODE else float(abs(reals[0] + 1j * reals[1]) / (2 * np.pi))
     width = each * (2 if data_type in COMPLEX_TYPES else 1)
-    table = _numbers(path, section, 8)
+    table = numbers(path, section, 8)
     if table.size % (width + 1):
         raise ReadError(
             path, f"{table.size} numbers are no rows of a node and {width} values", record=f"line {section.first + 8}"
@@ -175,14 +196,14 @@ def _function(path: Path, section: Section) -> ResponseFunction:
     except (ValueError, IndexError):
         raise ReadError(path, "a dataset 58 has no usable record 6", record=f"line {section.first + 5}") from None
     data_type, count, even = _integers(path, section, 6, 3)
-    first, step = [*_numbers(path, section, 6, 7)[3:5].tolist(), 0.0, 0.0][:2]
-    numbers = _numbers(path, section, 11)
+    first, step = [*numbers(path, section, 6, 7)[3:5].tolist(), 0.0, 0.0][:2]
+    found = numbers(path, section, 11)
     parts = 2 if data_type in COMPLEX_TYPES else 1
     width = parts + (0 if even else 1)
-    if data_type not in (*REAL_TYPES, *COMPLEX_TYPES) or numbers.size != count * width:
-        problem = f"data type {data_type}, {count} values announced, {numbers.size} numbers found"
+    if data_type not in (*REAL_TYPES, *COMPLEX_TYPES) or found.size != count * width:
+        problem = f"data type {data_type}, {count} values announced, {found.size} numbers found"
         raise ReadError(path, problem, record=f"line {section.first + 6}")
-    table = numbers.reshape(count, width)
+    table = found.reshape(count, width)
     abscissa = first + step * np.arange(count) if even else table[:, 0]
     ordinate = table[:, width - parts :]
     values = ordinate[:, 0] + 1j * ordinate[:, 1] if parts == 2 else ordinate[:, 0]

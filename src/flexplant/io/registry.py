@@ -18,7 +18,7 @@ import flexplant.io.read
 from flexplant.errors import InputError, ModelError, ReadError, nearest
 from flexplant.io.formats import Format
 from flexplant.io.options import check_options, keywords, understood
-from flexplant.io.parse.files import as_path, checked_file, exists, one_line, read_head
+from flexplant.io.parse.files import UNSTATED_NUMBERS, as_path, checked_file, exists, one_line, read_head
 from flexplant.io.plausibility import warn_if_implausible
 from flexplant.io.recovery_units import recovery_in_si
 from flexplant.model.component import Component, FiniteElementModel, check_name
@@ -118,7 +118,7 @@ def _labelled(model: Any, chosen: UnitSystem | None) -> Any:
     if chosen:
         return replace(model, source={**model.source, "units": chosen.name})
     units = UNSTATED if model.units == SI.name else model.units
-    return replace(model, units=units, source={**model.source, "units": f"{UNSTATED}: numbers as in the file"})
+    return replace(model, units=units, source={**model.source, "units": UNSTATED_NUMBERS})
 
 
 def _said_to_be_si(component: Component) -> Component:
@@ -192,10 +192,26 @@ def read_model(
     return model
 
 
-def read_geometry(path: str | Path, *, format: str | None = None, **options: Any) -> DisplayMesh:  # noqa: A002
-    """Grids and element outlines of a finite-element deck, for display; positions in the deck's length unit."""
+def read_geometry(
+    path: str | Path,
+    *,
+    format: str | None = None,  # noqa: A002
+    units: Units | None = None,
+    **options: Any,
+) -> DisplayMesh:
+    """Grids and element outlines of a finite-element deck, for display: positions, displacement frames, provenance.
+
+    units: the deck's unit system as in `read_component`, positions become metres; None leaves them as they are.
+    """
     mesh: DisplayMesh = _read("read_geometry", path, format, options)
-    return mesh
+    return _mesh_in_si(mesh, None if units is None else unit_system(units))
+
+
+def _mesh_in_si(mesh: DisplayMesh, chosen: UnitSystem | None) -> DisplayMesh:
+    """The mesh in metres, with what is known of its units."""
+    if chosen is None:
+        return replace(mesh, source={**mesh.source, "units": UNSTATED_NUMBERS})
+    return replace(mesh, positions=mesh.positions * chosen.length, source={**mesh.source, "units": chosen.name})
 
 
 def read_display_mesh(
@@ -212,4 +228,4 @@ def read_display_mesh(
     mesh: DisplayMesh | None
     mesh, stated = _read("read_display_mesh", path, format, options)
     chosen = _unit_choice(stated, units, path)
-    return mesh if mesh is None or chosen is None else replace(mesh, positions=mesh.positions * chosen.length)
+    return None if mesh is None else _mesh_in_si(mesh, chosen)

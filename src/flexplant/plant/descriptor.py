@@ -10,6 +10,7 @@ import scipy.sparse as sp
 
 from flexplant.assembly import System
 from flexplant.plant.channels import OutputRows, checked_system, input_matrix, output_matrices, refuse_structural_damping
+from flexplant.plant.origin import origin
 from flexplant.plant.state_space import Descriptor
 
 
@@ -44,7 +45,8 @@ def descriptor(system: System, *, inputs: Sequence[str], outputs: Sequence[str],
     velocity = sp.csr_array((ny, n)) if rows.velocity is None else rows.velocity @ basis
     C = sp.hstack([rows.displacement @ basis, velocity, place])
     D = np.zeros((ny, nu)) if rows.force is None else (rows.force @ columns.matrix).toarray()
-    return Descriptor(E, A, B, C, D, columns.names, rows.names, name=name, input_units=columns.units, output_units=rows.units)
+    units = {"input_units": columns.units, "output_units": rows.units}
+    return Descriptor(E, A, B, C, D, columns.names, rows.names, name=name, **units, source=origin(system))
 
 
 def _acceleration_rows(rows: OutputRows) -> Any:

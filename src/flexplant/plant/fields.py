@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -36,6 +36,12 @@ def checked_units(units: Sequence[str], count: int, what: str, owner: str) -> tu
     if len(out) != count:
         raise ModelError(f"{owner}: {len(out)} {what} for {count} channels")
     return out
+
+
+def check_mapping(given: Any, what: str) -> None:
+    """ModelError for what is no mapping of names to values."""
+    if not isinstance(given, Mapping):
+        raise ModelError(f"{what} must be a mapping, got {type(given).__name__}")
 
 
 def checked_dense(matrix: Any, shape: tuple[int | None, int | None], what: str) -> FloatArray:

@@ -23,7 +23,8 @@ from flexplant.plant.channels import (
     refuse_structural_damping,
 )
 from flexplant.plant.damping import ModalDamping, check_choice, projected_damping, ratio_damping
-from flexplant.plant.fields import checked_dense, checked_names, checked_units, checked_vector
+from flexplant.plant.fields import check_mapping, checked_dense, checked_names, checked_units, checked_vector
+from flexplant.plant.origin import origin
 from flexplant.plant.residual_modes import with_residual_modes
 from flexplant.plant.static_correction import residual_displacement
 from flexplant.reduction.coverage import coverage, shortfall
@@ -40,6 +41,7 @@ class ModalPlant:
     shape_in: (n, nu) modal forces of unit inputs. shape_out, shape_out_velocity, shape_out_acceleration: (ny, n) or None.
     damping: (n, n) full symmetric Z, or None for diag(2 zeta omega). static_correction, feedthrough: (ny, nu) or None.
     inputs, outputs: distinct names; input_units, output_units: one text a channel. report: what was truncated or dropped.
+    source: the file that it was read from, or those of its components (provenance).
     Raises ModelError with the names and shapes that disagree.
     """
 
@@ -58,12 +60,13 @@ class ModalPlant:
     input_units: Sequence[str] = ()
     output_units: Sequence[str] = ()
     report: Mapping[str, Any] = field(default_factory=dict)
+    source: Mapping[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         expect_text(self.name, "modal plant: name")
         owner = f"modal plant {self.name!r}"
-        if not isinstance(self.report, Mapping):
-            raise ModelError(f"{owner}: report must be a mapping, got {type(self.report).__name__}")
+        check_mapping(self.report, f"{owner}: report")
+        check_mapping(self.source, f"{owner}: source")
         self._set("omega", checked_vector(self.omega, None, f"{owner}: omega"))
         zeta = real_values(self.zeta, f"{owner}: zeta")
         zeta = np.full(self.n_modes, float(zeta)) if zeta.ndim == 0 else zeta
@@ -110,6 +113,7 @@ class ModalPlant:
             "outputs": channels(self.outputs, self.output_units),
             "damping": ratios if self.damping is None else "a full modal matrix",
             "static": "a direct term for the truncated modes" if self.static_correction is not None else "",
+            "from": str(self.source.get("path", "")),
         }
         return paragraph(f"ModalPlant {self.name!r}: {count(self.n_modes, 'mode')}{top}{rigid}", rows)
 
@@ -207,6 +211,7 @@ def modal_plant(
         report=_kept_report(system, kept, len(modes) - len(kept), correction)
         | _range_report(system, kept, max_frequency_hz or 0.0)
         | damping.report,
+        source=origin(system),
     )
 
 

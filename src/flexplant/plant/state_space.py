@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -13,11 +13,12 @@ import scipy.sparse as sp
 from flexplant.errors import InputError, ModelError, expect_text
 from flexplant.model.arrays import FloatArray, Matrix, checked_matrix, dense, is_number
 from flexplant.model.describe import channels, count, paragraph
-from flexplant.plant.fields import checked_dense, checked_names, checked_units
+from flexplant.plant.fields import check_mapping, checked_dense, checked_names, checked_units
 from flexplant.plant.modal import ModalPlant
 
 
 def _set_channels(system: StateSpace | Descriptor, owner: str) -> None:
+    check_mapping(system.source, f"{owner}: source")
     for kind in ("inputs", "outputs"):
         names = checked_names(getattr(system, kind), kind, owner)
         object.__setattr__(system, kind, names)
@@ -32,7 +33,7 @@ def _expect_square(shape: tuple[int, ...], what: str) -> None:
 
 def _described(system: Any, headline: str) -> str:
     shown = {kind: channels(getattr(system, f"{kind}s"), getattr(system, f"{kind}_units")) for kind in ("input", "output")}
-    return paragraph(headline, {f"{kind}s": text for kind, text in shown.items()})
+    return paragraph(headline, {f"{kind}s": text for kind, text in shown.items()} | {"from": str(system.source.get("path", ""))})
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,7 +41,8 @@ class StateSpace:
     """x' = A x + B u, y = C x + D u (dt None), or x[k+1] = A x[k] + B u[k], y[k] = C x[k] + D u[k] (dt in seconds).
 
     A: (n, n), B: (n, nu), C: (ny, n), D: (ny, nu), dense and finite; n = 0 is a static gain.
-    inputs, outputs: distinct names, nu and ny of them. Raises ModelError with the names and shapes that disagree.
+    inputs, outputs: distinct names, nu and ny of them. source: provenance, as of a `ModalPlant`.
+    Raises ModelError with the names and shapes that disagree.
     """
 
     A: FloatArray
@@ -53,6 +55,7 @@ class StateSpace:
     name: str = "plant"
     input_units: Sequence[str] = ()
     output_units: Sequence[str] = ()
+    source: Mapping[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         expect_text(self.name, "state space: name")
@@ -83,7 +86,7 @@ class Descriptor:
     """E x' = A x + B u, y = C x + D u with sparse E and A; E may be singular (equations 12-24).
 
     E, A: (n, n) CSR. B: (n, nu), C: (ny, n) sparse or dense. D: (ny, nu). inputs, outputs: distinct names.
-    Raises ModelError with the names and shapes that disagree.
+    source: provenance, as of a `ModalPlant`. Raises ModelError with the names and shapes that disagree.
     """
 
     E: Matrix
@@ -96,6 +99,7 @@ class Descriptor:
     name: str = "plant"
     input_units: Sequence[str] = ()
     output_units: Sequence[str] = ()
+    source: Mapping[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         expect_text(self.name, "descriptor: name")
@@ -156,8 +160,8 @@ def output_rows(plant: ModalPlant) -> tuple[FloatArray, FloatArray, FloatArray]:
 
 
 def channels_of(plant: ModalPlant | Descriptor | StateSpace) -> dict[str, Any]:
-    """Names and units of a plant, to hand on to another form of it."""
-    return {k: getattr(plant, k) for k in ("inputs", "outputs", "name", "input_units", "output_units")}
+    """Names, units and provenance of a plant, to hand on to another form of it."""
+    return {k: getattr(plant, k) for k in ("inputs", "outputs", "name", "input_units", "output_units", "source")}
 
 
 def _from_descriptor(plant: Descriptor) -> StateSpace:

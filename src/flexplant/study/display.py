@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -67,8 +68,7 @@ def _mesh(path: Path, spec: ComponentSpec) -> DisplayMesh | None:
 
 def _placed(mesh: DisplayMesh, system: System, name: str) -> DisplayMesh:
     place = system.placement(name)
-    positions = mesh.positions @ place.rotation.T + place.translation
-    return DisplayMesh(mesh.nodes, positions, mesh.quads, mesh.lines)
+    return replace(mesh, positions=place.apply(mesh.positions))
 
 
 def _shapes(display: str, system: System, name: str, shapes: FloatArray) -> FloatArray:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -24,7 +24,8 @@ class Reference:
     """Reference modes: frequency_hz (k,), and optionally shapes (n_rows, k) at `labels`.
 
     labels: "component.node.direction" or "component.recovery.label", one a row. names: optional text per mode.
-    Modes below `rigid_below_hz` count as rigid-body modes and are left out of the comparison.
+    Modes below `rigid_below_hz` count as rigid-body modes and are left out of the comparison. source: its name in tables.
+    provenance: of the file that it was read from, as a component's `source`.
     """
 
     frequency_hz: FloatArray
@@ -33,6 +34,7 @@ class Reference:
     names: Sequence[str] = field(default_factory=tuple)
     rigid_below_hz: float = 0.01
     source: str = "reference"
+    provenance: Mapping[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         hz = frozen(self.frequency_hz, what="reference: frequency_hz")
@@ -46,6 +48,8 @@ class Reference:
         if not is_number(self.rigid_below_hz) or not 0 <= self.rigid_below_hz < np.inf:
             raise InputError(f"reference: rigid_below_hz must be a frequency in Hz from 0, got {self.rigid_below_hz!r:.60}")
         expect_text(self.source, "reference: source")
+        if not isinstance(self.provenance, Mapping):
+            raise InputError(f"reference: provenance must be a mapping, got {type(self.provenance).__name__}")
         if self.shapes is not None:
             sizes = f"reference: shapes of {len(self.labels)} labels x {hz.size} modes"
             checked_matrix(self.shapes, (len(self.labels), hz.size), sizes)

@@ -7,7 +7,9 @@ from pathlib import Path
 from typing import Any
 
 from flexplant.errors import InputError, ReadError
+from flexplant.model.units import UNSTATED
 
+UNSTATED_NUMBERS = f"{UNSTATED}: numbers as in the file"  # units of a provenance that nobody stated
 HEAD_BYTES = 4096  # what a format's sniff function sees
 
 

@@ -34,6 +34,7 @@ def pack_plant(plant: Plant) -> Arrays:
         if isinstance(plant, cls):
             texts = {k: getattr(plant, k) for k in TEXTS}
             texts |= {k: getattr(plant, k) for k in ("dt", "report") if hasattr(plant, k)}
+            texts |= {"source": plant.source} if plant.source else {}
             arrays: Arrays = {HEADER: header_text(kind, **texts)}
             for name in names:
                 if (matrix := getattr(plant, name)) is not None:
@@ -43,13 +44,13 @@ def pack_plant(plant: Plant) -> Arrays:
 
 
 def unpack_plant(arrays: Arrays, path: Path) -> Plant:
-    """The plant from its arrays; ReadError for anything missing or inconsistent."""
+    """The plant from its arrays, its source as it was written; ReadError for anything missing or inconsistent."""
     header = read_header(arrays.get(HEADER), path)
     kind = header["kind"]
     if kind not in KINDS:
         raise ReadError(path, f"holds a {kind}, not a plant ({', '.join(KINDS)})", record=HEADER)
     cls, names = KINDS[kind]
-    given = {k: header[k] for k in (*TEXTS, "dt", "report") if k in header}
+    given = {k: header[k] for k in (*TEXTS, "dt", "report", "source") if k in header}
     matrices = {
         n: arrays[n] if n in arrays else csr_matrix(arrays, n, path) for n in names if n in arrays or f"{n}.indptr" in arrays
     }

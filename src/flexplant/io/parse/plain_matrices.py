@@ -122,8 +122,8 @@ def mesh_of(sidecar: Sidecar) -> tuple[DisplayMesh | None, Any]:
     if sidecar.display is None:
         return None, None
     arrays = _display_arrays(sidecar.display)
-    mesh = DisplayMesh(**{k: arrays[k] for k in ("nodes", "positions", "quads", "lines")})
-    return mesh, sidecar.units
+    source = provenance(sidecar.display, "display mesh .npz", __name__, (sidecar.path,))
+    return DisplayMesh(**{k: arrays[k] for k in ("nodes", "positions", "quads", "lines")}, source=source), sidecar.units
 
 
 def _display_recovery(sidecar: Sidecar, path: Path, n: int) -> Recovery:

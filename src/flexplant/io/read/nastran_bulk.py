@@ -11,6 +11,7 @@ from flexplant.errors import ReadError
 from flexplant.io.formats import Format
 from flexplant.io.parse.bulk import Card, read_cards
 from flexplant.io.parse.coordinates import Geometry
+from flexplant.io.parse.files import provenance
 from flexplant.model.display import DisplayMesh
 
 CARD_LINE = re.compile(rb"^(GRID|SPOINT|CORD[12][RCS]|BEGIN +BULK)\b", re.IGNORECASE | re.MULTILINE)
@@ -51,7 +52,10 @@ def _included(path: Path, card: Card) -> Path:
 
 
 def read_geometry(path: Path) -> DisplayMesh:
-    """All grids (ascending id, basic frame), shells as quads (a triangle repeats its last corner), bars and RBE2 as lines."""
+    """All grids (ascending id, basic frame), shells as quads (a triangle repeats its last corner), bars and RBE2 as lines.
+
+    frames: the displacement system of each grid (its field CD).
+    """
     cards = read_deck(path)
     geometry = Geometry.of(cards)
     if not geometry.grids:
@@ -65,8 +69,14 @@ def read_geometry(path: Path) -> DisplayMesh:
     quads += _skin(
         [[_corners(c, tuple(f + 2 for f in face), place) for face in SOLIDS[c.name]] for c in cards if c.name in SOLIDS]
     )
+    included = tuple(dict.fromkeys(card.path for card in cards if card.path != path))
     return DisplayMesh(
-        nodes.ids, nodes.positions, np.array(quads, dtype=np.int64).reshape(-1, 4), np.array(lines, dtype=np.int64).reshape(-1, 2)
+        nodes.ids,
+        nodes.positions,
+        np.array(quads, dtype=np.int64).reshape(-1, 4),
+        np.array(lines, dtype=np.int64).reshape(-1, 2),
+        frames=nodes.frames,
+        source=provenance(path, FORMAT.name, __name__, included),
     )
 
 
