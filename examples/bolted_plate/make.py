@@ -1,4 +1,4 @@
-"""Writes the plate of this example, plate.npz, and what it is compared with: frequencies of unreduced models by scipy.linalg.eigh.
+"""Writes the plate of this example, plate.npz, and frequencies of unreduced models by LAPACK to compare with.
 
 python make.py
 """
@@ -46,10 +46,8 @@ def plate(name: str, cells: tuple[int, int, int] = CELLS, size: np.ndarray = SIZ
     first = ids[:-1, :-1, :-1].ravel()
     nodes = first[:, None] + [ids[tuple((c + 1) // 2)] for c in CORNERS]
     rows = (3 * nodes[:, :, None] + np.arange(3)).reshape(-1, 24)
-    place = (
-        np.broadcast_to(rows[:, :, None], (len(rows), 24, 24)).ravel(),
-        np.broadcast_to(rows[:, None], (len(rows), 24, 24)).ravel(),
-    )
+    pairs = np.broadcast_arrays(rows[:, :, None], rows[:, None])
+    place = tuple(x.ravel() for x in pairs)
     k, m = (
         sp.csr_array(sp.coo_array((np.tile(x.ravel(), len(rows)), place), shape=(3 * ids.size, 3 * ids.size)))
         for x in brick(size / cells)

@@ -30,7 +30,11 @@ _COMMANDS = (  # in the order of --help, each with an example
     (demo, "demo -o results"),
     (run, "run study.yaml -o results"),
     (check, "check bus.op4 optic.op4 --units mm-kg-s"),
-    (reduce, "reduce bus_KM.npz --boundary 9001,9201:123456 --modes 80 --ritz 2 -o bus.npz"),
+    (
+        reduce,
+        "reduce bus_KM.npz --boundary 9001,9201:123456 --modes 80 --ritz 2 -o bus.npz; by Rubin, a flange as one node: flexplant "
+        "reduce plate.npz --method rubin --average-patch 500=17-40 --boundary 500 --modes 20 -o plate_reduced.npz",
+    ),
     (couple, "couple bus.op4 optic.op4 --connect bus:optic:3,11,19,27 -o system.npz"),
     (export, "export results/plant.npz --to mat"),
     (inspect_files, "inspect bus.op4 --units mm-kg-s"),

@@ -33,7 +33,7 @@ def couple(
     from flexplant.assembly import couple as assemble
     from flexplant.io import read_component
     from flexplant.modes import normal_modes
-    from flexplant.study.assemble import parse_connection, parse_ground
+    from flexplant.study.arguments import parse_connection, parse_ground
     from flexplant.study.outputs import check_system_target, write_system
     from flexplant.study.tables import modes_table
     from flexplant.verification import verify

@@ -2,52 +2,128 @@
 
 from __future__ import annotations
 
+import re
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Any
 
 import typer
 
-from flexplant.cli.options import Force, Format, Reading, Units, format_options
+import flexplant.cli.reduce_options as o
+from flexplant.cli.options import Force, Format, Quiet, Reading, Units, format_options
+from flexplant.cli.progress import progress_bar
 from flexplant.cli.told import look, told
+from flexplant.errors import InputError, SolverError
+
+if TYPE_CHECKING:
+    from flexplant.model.component import Component, FiniteElementModel
+
+WORDS = {  # of the library, and of the command line
+    "max_frequency_hz": "--max-frequency",
+    "n_modes": "--modes",
+    "residual_vectors": "--residual-vectors",
+    "keep_basis": "--keep-basis",
+    "geometry=": "--geometry",
+}
+INTERFACE_WORDS = {"max_frequency_hz": "--interface-frequency", "n_modes": "--interface-modes"}
 
 
 @told
 def reduce(
-    model: Annotated[Path, typer.Argument(help="Unreduced model: mass and stiffness with their DOF.")],
-    boundary: Annotated[str, typer.Option(help="node,node:directions; several groups separated by blanks.")],
-    output: Annotated[Path, typer.Option("--output", "-o", help="Component file to write (.npz or .h5).")],
-    max_frequency: Annotated[float | None, typer.Option(help="Fixed-interface modes up to here, Hz.")] = None,
-    modes: Annotated[int | None, typer.Option(help="Or this many of them.")] = None,
-    residual_vectors: Annotated[
-        int, typer.Option("--residual-vectors", "--ritz", help="Blocks of load-dependent Ritz vectors beside the modes.")
-    ] = 0,
-    accuracy: Annotated[float | None, typer.Option(help="Instead: relative frequency error up to --max-frequency.")] = None,
-    size: Annotated[
-        int | None, typer.Option(help="Instead: modal coordinates to spend on frequencies up to --max-frequency.")
-    ] = None,
-    geometry: Annotated[Path | None, typer.Option(help="Deck with the node positions that the model lacks.")] = None,
-    name: Annotated[str | None, typer.Option(help="Name of the component; left out: that of the model's file.")] = None,
+    model: o.Model,
+    boundary: o.Boundary,
+    output: o.Output,
+    method: o.Method = "craig_bampton",
+    max_frequency: o.MaxFrequency = None,
+    modes: o.Count = None,
+    residual_vectors: o.Ritz = None,
+    accuracy: o.Accuracy = None,
+    size: o.Size = None,
+    average_patch: o.AveragePatch = None,
+    rigid_patch: o.RigidPatch = None,
+    loads: o.Loads = None,
+    recover: o.Recover = None,
+    keep: o.Keep = None,
+    interface_modes: o.InterfaceModes = None,
+    interface_frequency: o.InterfaceFrequency = None,
+    keep_basis: o.KeepBasis = False,
+    geometry: o.Geometry = None,
+    name: o.Name = None,
     force: Force = False,
     format: Format = None,  # noqa: A002
     units: Units = None,
     option: Reading = None,
+    quiet: Quiet = False,
 ) -> None:
     """Reduce a model to a Hurty/Craig-Bampton component, check it and write it."""
     look(model)
-    from flexplant.io import read_model, write_component
-    from flexplant.io.output import check_target
-    from flexplant.reduction import craig_bampton
-    from flexplant.study.assemble import parse_boundary
-    from flexplant.study.outputs import require_folder_of
+    from flexplant.io import read_model
+    from flexplant.study.outputs import check_component_target
+
+    reading: dict[str, Any] = format_options(option) | ({} if geometry is None else {"geometry": geometry})
+    sources = [model, *([geometry] if geometry else [])]
+    extras = {"interior": loads is not None, "recovery": recover is not None, "basis": keep_basis}
+    check_component_target(output, sources, overwrite=force, **extras)
+    given: dict[str, Any] = {"max_frequency_hz": max_frequency, "n_modes": modes, "residual_vectors": residual_vectors}
+    given |= {"accuracy": accuracy, "size": size, "keep_basis": keep_basis or None, "method": method}
+    given |= _rows(loads=loads, recover=recover)
+    given["interface_nodes"] = _patches(average_patch or [], rigid_patch or [])
+    given["characteristic"] = _characteristic(_rows(keep=keep), interface_modes, interface_frequency)
+    held = _rows(boundary=boundary)
+    full = read_model(model, format=format, units=units, name=name, **reading)
+    component = _reduced(full, quiet, held | {key: value for key, value in given.items() if value is not None})
+    _write(component, output, keep_basis, force, len(full.dofs))
+
+
+def _reduced(model: FiniteElementModel, quiet: bool, given: dict[str, Any]) -> Component:
+    from flexplant.study.reduction import reduce_model
+
+    with progress_bar(quiet) as progress, _words():
+        return reduce_model(model, progress=progress, **given)
+
+
+def _write(component: Component, output: Path, basis: bool, force: bool, size_before: int) -> None:
+    """The component's checks and report on the terminal, and its file."""
+    from flexplant.io import write_component
     from flexplant.study.tables import component_text
     from flexplant.verification import check_component
 
-    require_folder_of(output)
-    options: dict[str, Any] = format_options(option) | ({} if geometry is None else {"geometry": geometry})
-    check_target("write_component", output, [model, *([geometry] if geometry else [])], overwrite=force)
-    full = read_model(model, format=format, units=units, name=name, **options)
-    how: dict[str, Any] = {"max_frequency_hz": max_frequency, "n_modes": modes, "residual_vectors": residual_vectors}
-    component = craig_bampton(full, parse_boundary(boundary), **how, accuracy=accuracy, size=size)
     typer.echo(component_text(component, check_component(component)))
-    typer.echo(f"\n{component.report}")
-    typer.echo(f"reduced {len(full.dofs)} DOF to {component.n}; wrote {write_component(component, output, overwrite=force)}")
+    typer.echo(f"\n{component.source['reduction']}")
+    kept = {"basis": True} if basis else {}
+    target = write_component(component, output, overwrite=force, **kept)
+    typer.echo(f"reduced {size_before} DOF to {component.n}; wrote {target}")
+
+
+def _rows(**texts: str | None) -> dict[str, Any]:
+    from flexplant.study.arguments import parse_boundary
+
+    return {key: parse_boundary(text) for key, text in texts.items() if text is not None}
+
+
+def _patches(average: list[str], rigid: list[str]) -> list[dict[str, Any]]:
+    from flexplant.study.arguments import parse_patch
+
+    return [parse_patch(text, "average") for text in average] + [parse_patch(text, "rigid") for text in rigid]
+
+
+def _characteristic(keep: dict[str, Any], modes: int | None, frequency: float | None) -> dict[str, Any] | None:
+    """What `characteristic_constraint_modes` takes, or None where no interface is to be described so."""
+    if not keep and modes is None and frequency is None:
+        return None
+    if not keep or (modes is None) == (frequency is None):
+        raise InputError("characteristic modes need --keep, and either --interface-modes or --interface-frequency")
+    return {**keep, "n_modes": modes, "max_frequency_hz": frequency}
+
+
+@contextmanager
+def _words() -> Iterator[None]:
+    """Errors of the library with the names that its arguments have on the command line."""
+    try:
+        yield
+    except (InputError, SolverError) as error:
+        text = str(error)
+        words = INTERFACE_WORDS if text.startswith("characteristic") else WORDS
+        named = [option for word, option in words.items() if re.search(rf"\b{word}", text)]
+        raise type(error)(f"{text} (here: {', '.join(named)})" if named else text) from None

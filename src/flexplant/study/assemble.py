@@ -9,13 +9,11 @@ from typing import Any
 import numpy as np
 
 from flexplant.assembly import GROUND, Connection, System, characteristic_interface, couple
-from flexplant.errors import InputError
 from flexplant.io import read_component, read_model
 from flexplant.io.registry import path_options
 from flexplant.model.component import Component
 from flexplant.model.geometry import Placement
 from flexplant.numerics.lanczos import Progress
-from flexplant.study.fields import nodes_of
 from flexplant.study.reduction import reduce_model, told_of
 from flexplant.study.schema import ComponentSpec, ConnectionSpec, GroundSpec, StudySpec, TruthSpec, UnitsSpec
 from flexplant.study.schema_reduce import expanded
@@ -110,39 +108,3 @@ def connection(spec: ConnectionSpec) -> Connection:
 def ground(spec: GroundSpec, number: int = 1) -> Connection:
     """Nodes held fixed, as a connection to the ground."""
     return Connection(spec.component, GROUND, pairs=spec.nodes, directions=spec.directions, name=f"ground-{number}")
-
-
-def parse_connection(text: str) -> Connection:
-    """A connection from "a:b:3,11,19" (the same node ids on both sides) or "a:b" (by position). Raises InputError."""
-    parts = text.split(":")
-    if len(parts) not in (2, 3) or not all(parts):
-        raise InputError(f"connection {text!r}: write a:b:node,node or, to match by position, a:b")
-    if len(parts) == 2:
-        return Connection(parts[0], parts[1], pairs="by position")
-    return Connection(parts[0], parts[1], pairs=[(node, node) for node in _nodes(parts[2], text)])
-
-
-def parse_ground(text: str) -> Connection:
-    """A connection to the ground from "component:3,11". Raises InputError."""
-    component, _, nodes = text.partition(":")
-    if not component or not nodes:
-        raise InputError(f"ground {text!r}: write component:node,node")
-    return Connection(component, GROUND, pairs=_nodes(nodes, text), name=f"ground-{component}")
-
-
-def parse_boundary(text: str) -> list[tuple[int, str]]:
-    """Boundary DOF from "9001,9002:123456 9101:123", groups separated by blanks. Raises InputError."""
-    out = []
-    for group in text.split():
-        nodes, colon, directions = group.partition(":")
-        out += [(node, directions if colon else "123456") for node in _nodes(nodes, text)]
-    if not out:
-        raise InputError("boundary: name nodes and directions, such as '9001,9002:123456 9101:123'")
-    return out
-
-
-def _nodes(text: str, whole: str) -> list[int]:
-    try:
-        return [node for named in text.split(",") for node in nodes_of(named)]
-    except ValueError:
-        raise InputError(f"{whole!r}: node ids are whole numbers or ranges 17-40 separated by commas, got {text!r}") from None

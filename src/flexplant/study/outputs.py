@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 import shutil
 import tempfile
 from collections.abc import Iterable, Iterator
@@ -63,6 +64,22 @@ def require_folder_of(path: Path) -> None:
     """Raise WriteError where the file's folder does not exist: before a long computation, not after it."""
     if not path.parent.is_dir():
         raise WriteError(f"cannot write {path}: there is no folder {path.parent}")
+
+
+def check_component_target(
+    path: Path, sources: Iterable[str | Path], *, interior: bool, recovery: bool, basis: bool, overwrite: bool
+) -> None:
+    """Refuse a component file that cannot be written, or holds no interior DOF, recovery or basis, before a long computation.
+
+    Raises WriteError and InputError as `check_target` and `write_component` do.
+    """
+    require_folder_of(path)
+    chosen = check_target("write_component", path, sources, overwrite=overwrite)
+    wanted = {"interior DOF (loads)": interior and "interior" not in chosen.holds}
+    wanted["recovery rows (recover)"] = recovery and "recovery" not in chosen.holds
+    wanted["basis"] = basis and "basis" not in inspect.signature(chosen.writers["write_component"]).parameters
+    if lost := [what for what, refused in wanted.items() if refused]:
+        raise InputError(f"{path.name!r}: this format does not hold the {lost[0]}; write .npz or .h5, or leave it out")
 
 
 def write_new(path: str | Path, text: str) -> Path:
