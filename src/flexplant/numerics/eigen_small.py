@@ -15,15 +15,19 @@ from scipy.linalg.lapack import dpotrf
 
 from flexplant.model.arrays import FloatArray, dense
 from flexplant.numerics.factorization import BandedFactor
-from flexplant.numerics.lanczos import BLOCK, SEED, TOLERANCE, LanczosPairs, Progress
+from flexplant.numerics.lanczos import BLOCK, SEED, LanczosPairs, Progress
 
 SURE = 1e-9  # of the largest theta: what is larger is neither round-off nor a massless motion
 NEGATIVE = 1e-10  # of it: a theta below minus that shows an indefinite mass
 CLEAN = 1e-4  # of a block before it was made orthogonal: what is left below that is worth a second time
 SKEW = 1e-2  # smallest to largest pivot of a block's Gram matrix' root, above which one pass makes it orthonormal
 LOST = 1e-10  # of a block before: what is left below that is round-off
-FIRST_TEST, MOST_FIRST, NEXT_TEST = 4, 14, 2  # blocks besides two columns a mode: to the first test, and one more
-MODES_A_BLOCK = 3  # wanted, up to so many; and between tests, each an eigenproblem of the basis
+TOLERANCE = 2e-9  # of a Ritz value of C: residuals then are about 1e-9
+NARROW, CACHED = 4, 300_000  # columns of a block, fewer of which are needed the narrower it is, and entries of a factor that
+# a processor keeps at hand, so that a product with few columns costs less than one with more
+FIRST_TEST = {NARROW: (6, 17), BLOCK: (4, 14)}  # blocks besides two columns a mode to the first test, and at most
+NEXT_TEST = {NARROW: 3, BLOCK: 2}  # blocks between tests, each an eigenproblem of the basis
+MODES_A_BLOCK = 3  # wanted, up to so many
 LONGEST = 3  # times the columns at the first test: what has not converged by then is another kind of problem
 DENSE_ROWS, DENSE_SHARE = 120, 4  # dense up to so many unknowns, and so many more a mode: what Lanczos takes for them costs more
 
@@ -58,8 +62,9 @@ def short_lanczos(factor: BandedFactor, mass: Any, n_modes: int, progress: Progr
 
     None where the general `lanczos` should be asked. Source: Golub and Underwood 1977.
     """
-    n, block = mass.shape[0], BLOCK
-    test = 2 * n_modes + min(FIRST_TEST + n_modes // MODES_A_BLOCK, MOST_FIRST) * block
+    n, block = mass.shape[0], NARROW if factor.fill <= CACHED else BLOCK
+    least, most = FIRST_TEST[block]
+    test = 2 * n_modes + min(least + n_modes // MODES_A_BLOCK, most) * block
     most = min(n, LONGEST * test)
     basis = np.empty((n, most + block), order="F")
     projection = np.zeros((most, most))
@@ -87,8 +92,8 @@ def short_lanczos(factor: BandedFactor, mass: Any, n_modes: int, progress: Progr
         if (error <= TOLERANCE).all():
             tail = coupling @ s[-block:] / theta  # one more, implicit, application of C
             vectors = dgemm(1.0, basis[:, : used + block], np.vstack([s, tail]))
-            return LanczosPairs(1 / theta, shapes(factor, mass, vectors), error, used // block, 0, exhausted=False)
-        test = used + NEXT_TEST * block
+            return LanczosPairs(1 / theta, shapes(factor, mass, vectors), error, used // BLOCK, 0, exhausted=False)
+        test = used + NEXT_TEST[block] * block
     return None
 
 

@@ -10,6 +10,7 @@ import scipy.sparse as sp
 from flexplant.errors import SolverError
 from flexplant.model.arrays import FloatArray
 from flexplant.numerics.factorization import Analysis, Estimate, Factor
+from flexplant.numerics.factorization.banded_backend import BandedAnalysis
 from flexplant.numerics.factorization.supernodal_backend import SupernodalAnalysis
 
 EQUAL = 1e-6  # relative distance of two w^2 below which they count as one repeated mode
@@ -23,10 +24,11 @@ def count_below(stiffness: Any, mass: Any, omega2: float, analysis: Analysis) ->
     A mode that sits on the limit to the last digit makes the matrix singular; the limit is then raised by 1e-9 of itself.
     """
     analysis = analysis.pivoting if isinstance(analysis, SupernodalAnalysis) else analysis
+    form = sp.csr_array if isinstance(analysis, BandedAnalysis) else sp.csc_array
     try:
-        factor = analysis.factorize(sp.csc_array(stiffness - omega2 * mass))
+        factor = analysis.factorize(form(stiffness - omega2 * mass))
     except SolverError:
-        factor = analysis.factorize(sp.csc_array(stiffness - omega2 * (1 + 1e-9) * mass))
+        factor = analysis.factorize(form(stiffness - omega2 * (1 + 1e-9) * mass))
     return factor.negative_pivots
 
 

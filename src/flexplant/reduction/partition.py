@@ -54,28 +54,32 @@ class Partition:
         if not len(dofs):
             raise ModelError(f"model {model.name!r}: the boundary is empty; list the interface (node, direction) pairs")
         b = model.dofs.rows(dofs.pairs, owner=f"model {model.name!r}")
-        return cls(model, dofs, b, np.setdiff1d(np.arange(len(model.dofs)), b), threads, memory_limit, backend)
+        inside = np.ones(len(model.dofs), dtype=bool)
+        inside[b] = False
+        return cls(model, dofs, b, np.flatnonzero(inside), threads, memory_limit, backend)
 
     def block(self, kind: str, rows: IntArray, columns: IntArray) -> sp.csr_array:
         """Sparse block of "mass" or "stiffness"."""
         return sp.csr_array(sp.csr_array(getattr(self.model, kind))[rows][:, columns])
 
-    def _split(self, kind: str) -> tuple[sp.csr_array, sp.csr_array, sp.csr_array]:
-        """Blocks ii, ib and bb of "mass" or "stiffness", cut from one reordered copy."""
+    def _split(self, kind: str) -> tuple[sp.csr_array, Any, Any]:
+        """Blocks ii, ib and bb of "mass" or "stiffness": of a small model without stored zeros, and all but the first dense."""
+        if len(self.model.dofs) <= SMALL:
+            return _cut(sp.csr_array(getattr(self.model, kind)), self.i, self.b)
         order, n_i = np.r_[self.i, self.b], self.i.size
         whole = self.block(kind, order, order)
         whole.sort_indices()
         return whole[:n_i, :n_i], whole[:n_i, n_i:], whole[n_i:, n_i:]
 
     @cached_property
-    def stiffness(self) -> tuple[sp.csr_array, sp.csr_array, sp.csr_array]:
+    def stiffness(self) -> tuple[sp.csr_array, Any, Any]:
         """Kii, Kib, Kbb; Kii without stored zeros, so that its pattern is that of every K - s M, but with full blocks."""
         kii, kib, kbb = self._split("stiffness")
         kii.eliminate_zeros()
         return completed(kii, self.model.dofs.node[self.i]) if self.i.size >= GROUPED else kii, kib, kbb
 
     @cached_property
-    def mass(self) -> tuple[sp.csr_array, sp.csr_array, sp.csr_array]:
+    def mass(self) -> tuple[sp.csr_array, Any, Any]:
         """Mii, Mib, Mbb."""
         return self._split("mass")
 
@@ -182,6 +186,21 @@ class Partition:
         """(n_b,) diagonal of |T|^T |K| |T|, T = [I; Psi]: the sum of the terms that the condensed stiffness is the rest of."""
         (kii, kib, kbb), psi = self.stiffness, abs(self.constraint_modes)
         return np.asarray(abs(kbb.diagonal()) + (psi * (abs(kii) @ psi + 2 * dense(abs(kib)))).sum(axis=0))
+
+
+def _cut(matrix: sp.csr_array, i: IntArray, b: IntArray) -> tuple[sp.csr_array, FloatArray, FloatArray]:
+    """Blocks ii (without zeros), ib and bb of a symmetric matrix, in a fraction of the time that the general indexing of small
+    sparse matrices takes."""
+    place, starts = np.empty(matrix.shape[0], dtype=np.int64), matrix.indptr
+    place[i], place[b] = np.arange(i.size), -1 - np.arange(b.size)
+    row, column = np.repeat(place, np.diff(starts)), place[matrix.indices]
+    kept = np.flatnonzero((row >= 0) & (column >= 0) & (matrix.data != 0))
+    ends = np.searchsorted(kept, np.r_[starts[0], starts[1:][i]])
+    own = sp.csr_array((matrix.data[kept], column[kept], ends), shape=(i.size, i.size))
+    of_b = np.flatnonzero(row < 0)
+    beside = np.zeros((b.size, matrix.shape[0]))  # columns: the interior, then the boundary in reverse
+    beside[-1 - row[of_b], column[of_b]] = matrix.data[of_b]
+    return own, np.ascontiguousarray(beside[:, : i.size].T), beside[:, -1 : -1 - b.size : -1]
 
 
 def symmetric(matrix: FloatArray) -> FloatArray:
