@@ -119,7 +119,7 @@ class _SampledPart:
         outputs = {name: port for name, port in inner.outputs.items() if int(name) >= nz}
         self._places = np.ix_([int(name) - nz for name in outputs], [int(name) - nw for name in inputs])
         driven = alone(inner, connections=inner.connections, inputs=inputs, outputs=outputs)
-        self._response = DiagramResponse(warped(driven, dt)) if inputs and outputs else None
+        self._response = DiagramResponse(warped(driven, dt, minimal=False)) if inputs and outputs else None
 
     def __call__(self, hz: FloatArray) -> ComplexArray:
         out = np.zeros((hz.size, *self._shape), dtype=complex)

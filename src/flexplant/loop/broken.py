@@ -18,10 +18,13 @@ from flexplant.loop.rates import digital_times, expect_sampled, rates_of
 from flexplant.loop.stability import stability
 from flexplant.loop.warped import true_hz, warped, warped_hz
 from flexplant.model.arrays import FloatArray
+from flexplant.plant.modal import ModalPlant
+
+ON_POLE = 1e-14  # relative distance from a mode without damping that counts as on it
 
 
 class BrokenLoops:
-    """A diagram broken at signals: `opened`, and `closed`, the diagrams of S, T and (S - T) / 2.
+    """A diagram broken at signals: `opened`, and `closed` with disturbances at the signals.
 
     dt: None, or the sample time in seconds of a loop with digital blocks. Its frequencies are then warped ones (see `warped`):
     `seen` and `asked` turn them into true ones and back.
@@ -38,12 +41,16 @@ class BrokenLoops:
             if rates.steps > 1 or len(set(digital_times(diagram).values())) > 1:
                 self.about += f", all of its rates ({diagram.rates}) lifted over this common period"
                 inner, names = _of_one_rate(cut_open(diagram, signals), rates.period)
-        systems = {"open": cut_open(inner, names), **disturbed(inner, names)}
-        if self.dt is not None:
-            systems = {kind: warped(system, self.dt) for kind, system in systems.items()}
-        self.opened = systems.pop("open")
-        self.closed = systems
+        opened = cut_open(inner, names)
+        self.opened = opened if self.dt is None else warped(opened, self.dt, minimal=False)
+        self._closed, self._known = disturbed(inner, names), dict[str, Diagram]()
         self._response = DiagramResponse(self.opened)
+
+    def closed(self, kind: str) -> Diagram:
+        """The diagram of S, T or half = (S - T) / 2."""
+        if kind not in self._known:
+            self._known[kind] = self._closed[kind] if self.dt is None else warped(self._closed[kind], self.dt)
+        return self._known[kind]
 
     def seen(self, hz: FloatArray) -> FloatArray:
         """True frequencies of those that the loops are evaluated at."""
@@ -58,13 +65,28 @@ class BrokenLoops:
         return np.asarray(-self._response.at(hz), dtype=complex)
 
     def loops(self, hz: FloatArray) -> ComplexArray:
-        """(r, nf) each loop with the others closed."""
-        return one_at_a_time(self.gain(hz))
+        """(r, nf) each loop with the others closed; beside a mode without damping where a search comes upon it."""
+        return one_at_a_time(self.gain(self._beside_poles(hz)))
 
     def both(self, hz: FloatArray) -> ComplexArray:
-        """(r + r r, nf) each loop with the others closed, then the entries of L."""
-        L = self.gain(hz)
+        """(r + r r, nf) each loop with the others closed, then the entries of L; as `loops`."""
+        L = self.gain(self._beside_poles(hz))
         return np.concatenate([one_at_a_time(L), L.reshape(-1, hz.size)])
+
+    def _beside_poles(self, hz: FloatArray) -> FloatArray:
+        if not self._lasting.size:
+            return hz
+        k = np.searchsorted(self._lasting, hz)
+        for pole in (self._lasting[np.maximum(k - 1, 0)], self._lasting[np.minimum(k, self._lasting.size - 1)]):
+            hz = np.where(abs(hz - pole) <= ON_POLE * pole, pole * (1 + 2 * ON_POLE), hz)
+        return hz
+
+    @cached_property
+    def _lasting(self) -> FloatArray:
+        """Hz of the modes without damping, ascending."""
+        plants = [block for block in self.opened.blocks.values() if isinstance(block, ModalPlant)]
+        every = np.concatenate([np.zeros(0), *(plant.frequency_hz[(plant.zeta == 0) & (plant.omega > 0)] for plant in plants)])
+        return np.unique(every)
 
     @cached_property
     def at_ends(self) -> ComplexArray:
@@ -81,7 +103,7 @@ class BrokenLoops:
     def instability(self) -> str:
         """What grows in a digital loop, in words."""
         assert self.dt is not None
-        system, beyond = self.closed["S"], ""
+        system, beyond = self.closed("S"), ""
         if has_bordered_form(system):
             pole = stability(loop_axes(bordered(system))).pole
         else:

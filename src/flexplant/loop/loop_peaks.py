@@ -6,7 +6,7 @@ into intervals and one count of unstable poles serve all three.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import partial
 
@@ -60,13 +60,13 @@ def sensitivity_peaks(diagram: Diagram, signals: list[str], seen_hz: FloatArray)
     seen_hz: where the curves on a grid are highest. Small diagrams, and those without the form of `bordered`, go through
     `hinf_norm` one by one.
     """
-    return peaks_of(disturbed(diagram, signals), seen_hz)
+    return peaks_of(disturbed(diagram, signals).__getitem__, seen_hz)
 
 
-def peaks_of(systems: Mapping[str, Diagram], seen_hz: FloatArray) -> dict[str, HinfNorm]:
-    """The same from the diagrams of S, T and half."""
-    if not has_bordered_form(systems["S"]):
-        return {kind: hinf_norm(systems[kind], tolerance=TOLERANCE) for kind in KINDS}
+def peaks_of(system: Callable[[str], Diagram], seen_hz: FloatArray) -> dict[str, HinfNorm]:
+    """The same from what gives the diagrams of S, T and half."""
+    if not has_bordered_form(system("S")):
+        return {kind: hinf_norm(system(kind), tolerance=TOLERANCE) for kind in KINDS}
     axis = partial(SensitivityAxis, seeds=2 * np.pi * seen_hz)
-    found = certified(loop_axes(bordered(systems["S"]), axis), TOLERANCE)
+    found = certified(loop_axes(bordered(system("S")), axis), TOLERANCE)
     return dict(zip(KINDS, found, strict=True))

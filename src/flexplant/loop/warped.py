@@ -35,10 +35,11 @@ def true_hz(hz: FloatArray, dt: float) -> FloatArray:
     return np.asarray(np.arctan(np.pi * hz * dt) / (np.pi * dt))
 
 
-def warped(diagram: Diagram, dt: float) -> Diagram:
+def warped(diagram: Diagram, dt: float, *, minimal: bool = True) -> Diagram:
     """The diagram over w; its inputs are held over a sample, its outputs are read at samples.
 
-    Digital blocks keep their names and ports. InputError where a block or a mode has a pole at z = -1.
+    Digital blocks keep their names and ports. minimal: no more poles than the loop has; False where only its response matters,
+    which then comes nearer to poles without damping. InputError where a block or a mode has a pole at z = -1.
     """
     parts = split(diagram)
     blocks: dict[str, Block] = {
@@ -47,7 +48,7 @@ def warped(diagram: Diagram, dt: float) -> Diagram:
         if isinstance(block, StateSpace) and is_sampled(block)
     }
     chain = chain_of(parts.inner)
-    pieces = warped_chain(chain, chain_step(chain, dt), dt, blocks)
+    pieces = warped_chain(chain, chain_step(chain, dt), dt, blocks, minimal=minimal)
     blocks |= pieces.blocks
     wires, inputs, outputs = _wires(diagram, parts, pieces)
     unused = [name for name, ports in inputs.items() if not ports]

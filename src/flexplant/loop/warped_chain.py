@@ -33,8 +33,8 @@ def free_name(wanted: str, taken: Container[str]) -> str:
     return wanted
 
 
-def warped_chain(chain: Chain, step: ChainStep, dt: float, taken: Container[str]) -> Pieces:
-    """The chain after one step of held inputs, as blocks over w whose names are not taken yet."""
+def warped_chain(chain: Chain, step: ChainStep, dt: float, taken: Container[str], *, minimal: bool) -> Pieces:
+    """The chain after one step of held inputs, as blocks over w whose names are not taken yet; minimal: see `_modal`."""
     plant = free_name("modes", taken)
     ma, mb, nw, nz = len(chain.ahead), len(chain.behind), chain.B_ahead.shape[1], len(chain.D)
     if not ma and not mb and nz and chain.force.size and chain.force.any(axis=0).all():
@@ -45,7 +45,7 @@ def warped_chain(chain: Chain, step: ChainStep, dt: float, taken: Container[str]
     seen, driving = np.flatnonzero(rows.any(axis=(1, 2))), np.flatnonzero(step.modes_from.any(axis=(0, 1)))
     modal: dict[str, Block] = {}
     if seen.size and driving.size:
-        modal = {free_name(name, taken): block for name, block in _modal(chain, step, dt, rows[seen], driving).items()}
+        modal = {free_name(name, taken): block for name, block in _modal(chain, step, dt, rows[seen], driving, minimal).items()}
     behind, direct = free_name("behind", taken), np.hstack([chain.C_ahead, chain.D])
     through = np.flatnonzero(step.behind_from.any(axis=0) | direct.any(axis=0))
     blocks = modal | {behind: _behind(chain, step, list(modal), seen, through, dt)}
@@ -66,11 +66,12 @@ def warped_chain(chain: Chain, step: ChainStep, dt: float, taken: Container[str]
     return Pieces(blocks, wires, drives[ma:], [f"{behind}.z{k}" for k in range(nz)])
 
 
-def _modal(chain: Chain, step: ChainStep, dt: float, rows: FloatArray, driving: IntArray) -> dict[str, Block]:
-    """The modes, from g[driving] to the given rows; modes without damping apart where each moves by two numbers, not one.
+def _modal(chain: Chain, step: ChainStep, dt: float, rows: FloatArray, driving: IntArray, minimal: bool) -> dict[str, Block]:
+    """The modes, from g[driving] to the given rows.
 
     A mode that is driven by other states, too, receives in its displacement and its velocity what has no fixed ratio: it then
-    stands for two modes of one input each.
+    stands for two modes of one input each. minimal: modes without damping, of which a second one would be a pole on the axis
+    that no loop moves, become a state space.
     """
     given = step.modes_from[:, :, driving]
     nothing = np.zeros((len(rows), driving.size))
@@ -78,7 +79,7 @@ def _modal(chain: Chain, step: ChainStep, dt: float, rows: FloatArray, driving: 
         held = mode_steps(chain.omega, chain.zeta, dt, "zero").hold
         modes = warped_modes(chain.omega, chain.zeta, dt)
         return {"modes": warped_plant(modes, rows, held, chain.force[:, driving], nothing)}
-    damped = chain.zeta * chain.omega > 0
+    damped = (chain.zeta * chain.omega > 0) | (not minimal)
     out: dict[str, Block] = {}
     if damped.any():
         held = np.repeat(np.eye(2), int(damped.sum()), axis=0)
