@@ -34,6 +34,7 @@ def result_rows(path: Path) -> Rows:
 
 
 def model_rows(model: Model) -> Rows:
+    """Of a component or a finite-element model: DOF, boundary, mass, first frequencies, what its provenance says."""
     hz, problem = first_frequencies(model, SHOWN)
     found = replace(quantities(model, modes=False), frequency_hz=next((f for f in hz if f > 0), None))
     component = isinstance(model, Component)
@@ -78,12 +79,14 @@ def _hash_row(source: Mapping[str, Any]) -> tuple[object, ...]:
 
 
 def mesh_rows(mesh: DisplayMesh) -> Rows:
+    """Of geometry: nodes, surfaces, lines."""
     rows: Rows = [("kind", "geometry"), *_origin_rows(mesh.source), ("nodes", len(mesh.nodes))]
     frames = [("frames", "of each grid")] if mesh.frames is not None else []
     return [*rows, ("surfaces", len(mesh.quads)), ("lines", len(mesh.lines)), *frames, _hash_row(mesh.source)]
 
 
 def plant_rows(plant: Plant) -> Rows:
+    """Of a plant: modes or states, channels, what it was made of."""
     rows: Rows = [("kind", type(plant).__name__), ("name", plant.name), *_origin_rows(plant.source)]
     if isinstance(plant, ModalPlant):
         rows += [("modes", f"{plant.n_modes}, {plant.n_rigid} rigid"), ("first frequencies [Hz]", _hertz(plant))]
