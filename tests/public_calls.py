@@ -12,6 +12,7 @@ import scipy.signal
 from structures import frame_model
 
 import flexplant as fp
+from flexplant.model.display import DisplayMesh
 
 Call = tuple[Callable[..., object], dict[str, Any]]
 ENDS = [(1, "123456"), (3, "123456")]
@@ -20,6 +21,7 @@ EYE, T = np.eye(3), np.arange(5) * 1e-3
 PUBLISHED = fp.LineOfSight(focal_length=1.5, gain=2.0, mirror_omega=100.0, mirror_zeta=0.3, axes=["x"])
 TEXTS = {"name": "n", "input_units": ["N"], "output_units": ["m"]}
 PORT = {"inputs": ["u"], "outputs": ["y"]}
+MESH = DisplayMesh([1, 2, 3], EYE, [], [[0, 1]])
 DECK = "BEGIN BULK\nGRID,1,,0.,0.,0.\nGRID,2,,1.,0.,0.\nCBAR,1,1,1,2,0.,0.,1.\nENDDATA\n"
 HEAD = "    -1\n    55\nmodel\nNONE\n22-Nov-26\nNONE\nNONE\n"
 MODE = "         1         2         2         8         2         3\n         2         4         0         1\n"
@@ -90,6 +92,7 @@ def reductions(model: fp.FiniteElementModel, part: fp.Component) -> dict[str, Ca
         "craig_bampton by accuracy": (fp.craig_bampton, {**chosen, "accuracy": 1e-3}),
         "craig_bampton by size": (fp.craig_bampton, {**chosen, "size": 6}),
         "expand": (fp.expand, {"component": part, "coordinates": np.ones(part.n)}),
+        "expansion": (fp.expansion, {"component": part, "recovery": "mug1"}),
         "guyan": (fp.guyan, both),
         "rubin": (fp.rubin, {**most, "error_estimate": False}),
         "with_dampers": (fp.with_dampers, {"model": model, "dampers": [((1, 1), (2, 1), 3.0)]}),
@@ -126,6 +129,10 @@ def systems(part: fp.Component, held: fp.System, modes: fp.Modes) -> dict[str, C
             {"components": pair, "connections": [fp.Connection("a", "b", pairs=[(3, 1)])], "method": "dual", "placements": {}},
         ),
         "couple pairs": (lambda pairs: fp.couple(pair, [fp.Connection("a", "b", pairs=pairs)]), {"pairs": [(3, 1)]}),
+        "mode_view": (
+            fp.mode_view,
+            {"system": held, "modes": modes, "meshes": {"whole": MESH}, "numbers": [1], "labels": [], "recovery": "mug1"},
+        ),
         "Modes": (
             fp.Modes,
             {"frequency_hz": [1.0], "shapes": np.ones((3, 1)), "residuals": [0.0], "n_rigid": 0, "labels": ["a", "b", "c"]},

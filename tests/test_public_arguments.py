@@ -57,7 +57,7 @@ modal_plant: n_modes; modal_plant of modes: modes; from_control: inputs outputs;
 GainSweep at: out; white_noise_rms: intensity; frequency_response: out; line_of_sight_diagram: plant;
 simulate: inputs progress initial; simulate tones: inputs progress initial; simulate_stream: inputs initial;
 gain: inputs outputs; renamed: inputs outputs; convert: format units read_options; inspect: format units;
-plausibility: found; read_component: format units; read_display_mesh: format units; read_geometry: format units;
+mode_view: numbers; plausibility: found; read_component: format units; read_display_mesh: format units; read_geometry: format units;
 read_reference: units; read_response_functions: units; read_model: format units; run_study: progress; plot: output input
 [text, long]
 Component: name units; FiniteElementModel: name units; Recovery: name; UnitSystem: name; Reference: source;
@@ -65,14 +65,15 @@ ModalPlant: name; modal_plant: name; descriptor: name; Descriptor: name; StateSp
 gain: name; summing_junction: output_name name; proportional: name; pade_delay: input_name output_name name;
 sample_delay: input_name output_name name; steering_mirror: name; angle_sensor: name; line_of_sight_geometry: name;
 thin_lens: name; flat_mirror: name; pid: input_name output_name name; dead_zone: name; saturation: name; quantiser: name;
-rate_limiter: name; user_block: name; transfer_function: input_name output_name name
+rate_limiter: name; user_block: name; transfer_function: input_name output_name name; expansion: recovery;
+mode_view: recovery
 [empty]
 Component: recovery; characteristic_constraint_modes: keep; craig_bampton: recover loads; guyan: recover;
 rubin: recover loads; with_dampers: dampers; couple: connections; Modes: labels; CheckReport: checks tables notes;
 Reference: names; ModalPlant: input_units output_units; modal_plant: inputs outputs; modal_plant of modes: inputs outputs;
 descriptor: inputs outputs; Descriptor: input_units output_units; StateSpace: input_units output_units;
 structural_frequency_response: inputs outputs; line_of_sight_diagram: signals; gain: input_units output_units;
-user_block: input_units output_units; convert: drop; write_plant: sources
+user_block: input_units output_units; convert: drop; write_plant: sources; mode_view: labels
 [true]
 craig_bampton: keep_basis error_estimate; guyan: keep_basis; rubin: keep_basis error_estimate; Check: passed;
 modal_plant: static_correction; reduce_modes: static_correction; random_response: cross; Diagram: allow_algebraic_loops;

@@ -25,6 +25,7 @@ _HOME = {
         "characteristic_constraint_modes",
         "craig_bampton",
         "expand",
+        "expansion",
         "guyan",
         "rubin",
         "with_dampers",
@@ -89,6 +90,7 @@ _HOME = {
         "write_results",
     ),
     "report.figures.plot": ("plot",),
+    "report.mode_view": ("mode_view",),
     "study.pipeline": ("run_study",),
     "study.examples": ("example_study",),
 }

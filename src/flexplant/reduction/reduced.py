@@ -1,4 +1,4 @@
-"""What a reduction returns: a component that remembers how it was made and can expand itself."""
+"""What a reduction returns: a component that remembers how it was made."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ from typing import Any, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
-from flexplant.errors import InputError, expect
-from flexplant.model.arrays import FloatArray, real_or_complex
+from flexplant.errors import InputError
+from flexplant.model.arrays import FloatArray
 from flexplant.model.component import Component
 from flexplant.model.coordinates import LeftOut
 from flexplant.model.dofs import DofSet
@@ -116,25 +116,6 @@ def _checked(component: Component, what: str) -> ReducedComponent:
     if component.units != component.reduced_units:
         raise InputError(f"{what}: component {component.name!r} changed units after its reduction; convert the model first")
     return component
-
-
-def expand(component: Component, coordinates: npt.ArrayLike) -> FloatArray:
-    """Displacements u = T p of every DOF of the unreduced model, (n_model, ...), rows as in the model's dofs.
-
-    coordinates: (n, ...) of the component; for a system, `shapes[system.offsets[name]]`. Raises InputError where the basis
-    was not kept (`keep_basis=True`), or the number of coordinates differs.
-    """
-    expect(component, Component, "expand", "craig_bampton(..., keep_basis=True) makes one")
-    reduced = _checked(component, "expand")
-    if reduced.basis is None:
-        size = reduced.report.basis_bytes / 1e6
-        raise InputError(
-            f"expand: component {component.name!r} did not keep its basis; reduce with keep_basis=True ({size:.3g} MB)"
-        )
-    p = real_or_complex(coordinates, "expand: coordinates")
-    if p.shape[:1] != (component.n,):
-        raise InputError(f"expand: got {p.shape[:1]} coordinates, component {component.name!r} has {component.n}")
-    return np.asarray(reduced.basis @ p)
 
 
 def can_estimate(component: Component) -> bool:

@@ -19,7 +19,8 @@ class StructureView:
     """A mesh with mode shapes to animate: shapes (n_modes, n, 3), frequency_hz (n_modes,), labels such as "X bending 1".
 
     From a display matrix D (3n, coordinates; x, y, z of each node in turn): shapes = (D @ modes.shapes).T.reshape(-1, n, 3).
-    Each shape is drawn with its largest displacement at the same size, so its scale is free.
+    Each shape is drawn with its largest displacement at the same size, so its scale is free. still: what a figure shows at
+    rest beneath, where that is more than the mesh that moves.
     Raises InputError where the shapes do not fit.
     """
 
@@ -30,6 +31,7 @@ class StructureView:
     title: str = "Mode shapes"
     caption: str = ""
     first_mode: int = 0
+    still: DisplayMesh | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "shapes", _finite(self.shapes, "shapes"))

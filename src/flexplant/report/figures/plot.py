@@ -12,16 +12,18 @@ import xarray as xr
 from flexplant.errors import InputError, expect_text, nearest
 from flexplant.report.figures.broken_loop import broken_loop
 from flexplant.report.figures.frequency import singular_values, transfer_function
+from flexplant.report.figures.shape import mode_shape
 from flexplant.report.figures.spectra import spectra
 from flexplant.report.figures.theme import plain
 from flexplant.report.figures.time import rms_over_speed, time_histories
+from flexplant.report.structure import StructureView
 
 Result: TypeAlias = xr.DataArray | xr.Dataset
 MOST_CURVES = 12
 
 
 def plot(
-    result: Result | Mapping[str, Result],
+    result: Result | Mapping[str, Result] | StructureView,
     *,
     output: str | None = None,
     input: str | None = None,  # noqa: A002 - the name of the dimension
@@ -30,18 +32,26 @@ def plot(
     """A figure of a result, or of several of one kind laid over each other, with names and units from the result itself.
 
     result: what `frequency_response`, `singular_values`, `loop_response`, `random_response`, `simulate` or `wheel_speed_sweep`
-    returned, or a mapping label -> such results. output, input: one channel, where not all shall be drawn; title: instead of
-    the usual one. Returns a plotly figure: `.show()` opens it, `.write_html(path)` keeps it.
+    returned, or a mapping label -> such results; or a `mode_view`, of which the first flexible mode is drawn. output, input: one
+    channel, where not all shall be drawn; title: instead of the usual one. Returns a plotly figure: `.show()` opens it,
+    `.write_html(path)` keeps it.
     Raises InputError for another kind of value, results of different kinds, unknown channels and more than twelve curves.
     """
+    if title is not None:
+        expect_text(title, "plot: title")
+    if isinstance(result, StructureView):
+        if output is not None or input is not None:
+            raise InputError("plot: output and input choose channels of a response; a mode shape has none")
+        return _titled(mode_shape(result), title)
     results = dict(result) if isinstance(result, Mapping) and not isinstance(result, xr.Dataset) else {"": result}
     kinds = {_kind(value) for value in results.values()}
     if len(kinds) != 1:
         raise InputError(f"plot: results of one kind can be laid over each other, got {len(kinds)}: {', '.join(sorted(kinds))}")
-    if title is not None:
-        expect_text(title, "plot: title")
     chosen = {str(label): _chosen(value, output=output, input=input) for label, value in results.items()}
-    figure = _DRAWN[kinds.pop()](chosen)
+    return _titled(_DRAWN[kinds.pop()](chosen), title)
+
+
+def _titled(figure: go.Figure, title: str | None) -> go.Figure:
     if title is not None:
         figure.update_layout(title_text=f"<b>{plain(title)}</b>")
     return figure
