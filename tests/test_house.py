@@ -20,8 +20,8 @@ PLOTTING = {"matplotlib", "plotly", "pyvista", "rich", "typer", "webbrowser"}
 HEAVY = {"pyyeti", "control", "pandas", "numba", "h5py", "h5netcdf", "slycot", "rslab", "sksparse", "netCDF4"}
 # written for numba, and imported only once it is known to be there
 COMPILED = {
-    "numerics/lanes.py", "numerics/lane_sums.py", "numerics/lane_math.py", "response/tile_lanes.py", "loop/modal_steps.py",
-    "loop/tile_steps.py", "loop/sampled_lanes.py", "loop/sampled_tiles.py", "loop/tone_steps.py",
+    "numerics/lanes.py", "numerics/lane_sums.py", "numerics/lane_math.py", "numerics/strip_lanes.py", "response/tile_lanes.py",
+    "loop/modal_steps.py", "loop/tile_steps.py", "loop/sampled_lanes.py", "loop/sampled_tiles.py", "loop/tone_steps.py",
 }  # fmt: skip
 LONGEST_FILE, LONGEST_FUNCTION = 400, 60
 

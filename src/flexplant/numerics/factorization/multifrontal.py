@@ -1,4 +1,4 @@
-"""Numeric Cholesky factorisation, front by front: the dense work by LAPACK, what scatters in compiled loops.
+"""Numeric Cholesky factorisation, front by front: the large products by BLAS, the rest in compiled loops.
 
 Imported only where numba is installed. Source: Duff and Reid, ACM Trans. Math. Software 9 (1983).
 """
@@ -9,78 +9,25 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy.linalg.blas import dsyrk, dtrsm
+from scipy.linalg.blas import dsyrk
 from scipy.linalg.lapack import dpotrf
 
 from flexplant.model.arrays import FloatArray, IntArray
-from flexplant.numerics.compiled import compiled
-from flexplant.numerics.factorization.panel_lanes import QUAD
-from flexplant.numerics.factorization.supernodes import Supernodes
+from flexplant.numerics.factorization.front_lanes import entered, extended, handed_on, packed, placed, solved_below
+from flexplant.numerics.factorization.panel_lanes import STRIP
+from flexplant.numerics.factorization.supernodes import Supernodes, in_strips
+from flexplant.numerics.lanes import WIDTH
 
-
-@compiled
-def placed(first, last, rows, place):
-    """place: a front's columns first to last, then its rows below, counted from 0."""
-    for j in range(first, last):
-        place[j] = j - first
-    for k in range(rows.size):
-        place[rows[k]] = last - first + k
-
-
-@compiled
-def entered(triangle, below, first, last, rows, order, rank, indptr, indices, data, place):
-    """Add the matrix's entries to a front: triangle (c, c), upper, and below (c, r), both by columns; whether all had a place."""
-    columns = last - first
-    for j in range(first, last):
-        for p in range(indptr[order[j]], indptr[order[j] + 1]):
-            i = rank[indices[p]]
-            if i >= last:
-                k = place[i] - columns
-                if k < 0 or k >= rows.size or rows[k] != i:
-                    return False
-                below[k * columns + j - first] += data[p]
-            elif i >= j:
-                triangle[(i - first) * columns + j - first] += data[p]
-    return True
-
-
-@compiled
-def extended(triangle, below, update, columns, height, child, rows, place):
-    """Add a child's update, upper and by columns, to its parent's front: triangle, below, and what it hands on."""
-    size, to, inside = rows.size, place[rows], 0
-    while inside < size and to[inside] < columns:
-        inside += 1
-    for b in range(inside):
-        for a in range(b + 1):
-            triangle[to[b] * columns + to[a]] += child[b * size + a]
-    for b in range(inside, size):
-        at = (to[b] - columns) * columns
-        for a in range(inside):
-            below[at + to[a]] += child[b * size + a]
-        at = (to[b] - columns) * height - columns
-        for a in range(inside, b + 1):
-            update[at + to[a]] += child[b * size + a]
-
-
-@compiled
-def packed(square, columns, out):
-    """The columns of an upper triangle U, four by four, each four as long as the last of them: -U, and 1 / U on the diagonal."""
-    at = 0
-    for first in range(0, columns, QUAD):
-        for k in range(first, min(first + QUAD, columns)):
-            for i in range(k):
-                out[at + i] = -square[k * columns + i]
-            out[at + k] = 1 / square[k * columns + k]
-            at += first + QUAD
-        at += max(first + QUAD - columns, 0) * (first + QUAD)
+TOGETHER = 32  # rows below a triangle that are solved side by side
 
 
 @dataclass(frozen=True, eq=False)
 class Panels:
-    """-U of P A P^T = U^T U, supernode after supernode from at[s] on: its triangle with 1 / U on the diagonal, then the columns
-    right of it, so that a solution consists of products that are added. All in fours, filled up with zeros.
+    """-L of P A P^T = L L^T, supernode after supernode from at[s] on, in strips of eight rows: those of its triangle, with 1 / L
+    on the diagonal, each as long as it reaches, then those below it. A solution then consists of products that are added.
 
-    start, rows: as in `Supernodes`, but in fours, filled up with a row beyond the last.
+    A strip holds its columns one after the other; the last one of triangle and rows below is filled up with zeros (ones on the
+    diagonal). start, rows: as in `Supernodes`, but in eights, filled up with a row beyond the last.
     """
 
     nodes: Supernodes
@@ -91,45 +38,60 @@ class Panels:
 
 
 def layout(nodes: Supernodes) -> tuple[IntArray, IntArray, IntArray]:
-    """Where each supernode's values begin; its rows below, in fours."""
-    quads, c, r = -(-nodes.columns // QUAD), nodes.columns, nodes.below
-    wide = QUAD * -(-r // QUAD)
+    """Where each supernode's values begin; its rows below, in eights."""
+    strips, c, r = in_strips(nodes.columns) // STRIP, nodes.columns, nodes.below
+    wide = in_strips(r)
     start = np.r_[0, np.cumsum(wide)]
     rows = np.full(start[-1], nodes.order.size)
     rows[np.repeat(start[:-1] - nodes.start[:-1], r) + np.arange(nodes.rows.size)] = nodes.rows
-    return np.r_[0, np.cumsum(QUAD * QUAD * quads * (quads + 1) // 2 + c * wide)], start, rows
+    return np.r_[0, np.cumsum(STRIP * STRIP * strips * (strips + 1) // 2 + c * wide)], start, rows
+
+
+def aligned(size: int) -> FloatArray:
+    """(size,) values, not set, that begin where a line of memory does."""
+    room = np.empty(size + WIDTH)
+    return room[(-room.ctypes.data // room.itemsize) % WIDTH :][:size]
+
+
+class Fronts:
+    """Memory for one front at a time, and two stacks of updates that wait for their parents: of even and odd depth."""
+
+    def __init__(self, nodes: Supernodes) -> None:
+        c, r = nodes.columns, in_strips(nodes.below)
+        self.square, self.below = np.empty(int(np.max(c**2))), np.empty(int(np.max(c * r)))
+        self.room, self.at = aligned(int(in_strips(c).max()) * TOGETHER), nodes.stacked[0]
+        self.stacks, self.odd, self.height = [np.empty(size) for size in nodes.stacked[1]], nodes.depth % 2, r
+
+    def update(self, s: int) -> FloatArray:
+        """(r^2,) what supernode s hands on, r a multiple of eight."""
+        return self.stacks[self.odd[s]][self.at[s] : self.at[s] + int(self.height[s]) ** 2]
 
 
 def cholesky(nodes: Supernodes, matrix: Any) -> Panels | None:
     """The factor of a CSR matrix; None where it is not positive definite, or its pattern not symmetric."""
     at, start, padded = layout(nodes)
-    values, place, rank = np.zeros(at[-1]), np.zeros(nodes.order.size, np.int64), np.empty(nodes.order.size, np.int64)
+    values, fronts, families = aligned(int(at[-1])), Fronts(nodes), nodes.families
+    place, rank = np.zeros(nodes.order.size, np.int64), np.empty(nodes.order.size, np.int64)
     rank[nodes.order] = np.arange(rank.size)
     entries = (nodes.order, rank, matrix.indptr, matrix.indices, matrix.data, place)
-    waiting: dict[int, list[tuple[IntArray, FloatArray]]] = {}
-    for s, (c, r) in enumerate(zip(nodes.columns.tolist(), nodes.below.tolist(), strict=True)):
+    for s, (c, r, own) in enumerate(zip(nodes.columns.tolist(), np.diff(start).tolist(), at.tolist(), strict=False)):
         first, last, rows = nodes.first[s], nodes.first[s + 1], nodes.rows[nodes.start[s] : nodes.start[s + 1]]
-        split = at[s + 1] - c * (start[s + 1] - start[s])
-        square, update, right = np.zeros(c * c), np.zeros(r * r), values[split : split + c * r]
+        square, below = fronts.square[: c * c], fronts.below[: c * r]
+        square[:], below[:] = 0.0, 0.0
         placed(first, last, rows, place)
-        if not entered(square, right, first, last, rows, *entries):
+        if not entered(square, below, r, first, last, rows, *entries):
             return None
-        for child_rows, child in waiting.pop(s, ()):
-            extended(square, right, update, c, r, child, child_rows, place)
-        shapes = ((square, (c, c)), (right, (c, r)), (update, (r, r)))
-        if not _eliminated(*(block.reshape(shape, order="F") for block, shape in shapes)):
+        children = [(nodes.rows[nodes.start[k] : nodes.start[k + 1]], fronts.update(k)) for k in families[s]]
+        for child_rows, child in children:
+            extended(square, below, c, r, child, child_rows, place)
+        if dpotrf(square.reshape((c, c), order="F"), lower=1, overwrite_a=1, clean=0)[1]:
             return None
-        packed(square, c, values[at[s] : split])
-        if r:
-            waiting.setdefault(int(nodes.parent[s]), []).append((rows, update))
+        packed(square, c, values, own)
+        if not r:
+            continue
+        solved_below(values, own, at[s + 1] - c * r, c, below, r, fronts.room, TOGETHER)
+        update = fronts.update(s)
+        dsyrk(-1.0, below.reshape((r, c), order="F"), c=update.reshape((r, r), order="F"), lower=1, overwrite_c=1)
+        for child_rows, child in children:
+            handed_on(update, c, r, child, child_rows, place)
     return Panels(nodes, values, at, start, padded)
-
-
-def _eliminated(square: FloatArray, right: FloatArray, update: FloatArray) -> bool:
-    """A front's columns eliminated in place: square becomes U11, right -U12, and update loses U12^T U12."""
-    if dpotrf(square, lower=0, overwrite_a=1, clean=0)[1]:
-        return False
-    if right.size:
-        dtrsm(-1.0, square, right, side=0, lower=0, trans_a=1, overwrite_b=1)
-        dsyrk(-1.0, right, beta=1.0, c=update, trans=1, lower=0, overwrite_c=1)
-    return True

@@ -16,8 +16,8 @@ from flexplant.numerics.factorization import rslab_backend, superlu_backend
 from flexplant.numerics.factorization.protocol import Analysis, Estimate, Factor
 
 WIDTH = 8  # columns that are solved side by side
-TOGETHER = 32  # columns at a time: more would save little time, and take memory
-ROOM = 4  # rows beyond a supernode's
+FEWEST, MOST = 16, 64  # columns at a time: with more a column takes less time, and more memory,
+ROOM = 8_000_000  # of which so many values are no matter
 
 
 def available() -> bool:
@@ -44,31 +44,33 @@ class CholeskyFactor:
         columns = b.reshape(b.shape[0], -1)
         if not columns.size:
             return b.copy()
-        out = np.empty(columns.shape)
-        for start in range(0, columns.shape[1], TOGETHER):
-            some = slice(start, start + TOGETHER)
+        out, together = np.empty(columns.shape), self._together
+        for start in range(0, columns.shape[1], together):
+            some = slice(start, start + together)
             self._solve_some(columns[:, some], out[:, some])
         return out.reshape(b.shape)
 
+    @property
+    def _together(self) -> int:
+        """Columns at a time."""
+        return int(np.clip(ROOM // self.panels.nodes.order.size, FEWEST, MOST)) // FEWEST * FEWEST
+
     def _solve_some(self, columns: FloatArray, out: FloatArray) -> None:
-        order, k = self.panels.nodes.order, columns.shape[1]
+        from flexplant.numerics.factorization.multifrontal import aligned
+        from flexplant.numerics.factorization.panel_lanes import STRIP, backward, forward, one_column
+
+        p, order, k = self.panels, self.panels.nodes.order, columns.shape[1]
         wide = 1 if k == 1 else WIDTH * -(-k // WIDTH)
-        x = np.zeros((order.size + 1, wide))
-        x[:-1, :k] = columns[order]
-        self._solve_in_order(x.reshape(-1), wide)
-        out[order] = x[:-1, :k]
-
-    def _solve_in_order(self, x: FloatArray, wide: int) -> None:
-        from flexplant.numerics.factorization.panel_lanes import backward, forward, one_column
-
-        p = self.panels
-        room = [np.empty((int(p.nodes.columns.max()) + ROOM) * wide) for _ in range(2)]
-        shared = (p.values, p.at, p.nodes.first, p.start, p.rows, x)
+        flat = aligned((order.size + STRIP) * wide)
+        x = flat.reshape(-1, wide)
+        x[:, k:], x[order.size :], x[: order.size, :k] = 0.0, 0.0, columns[order]
+        shared = (p.values, p.at, p.nodes.first, p.start, p.rows, flat)
         if wide == 1:
-            one_column(*shared, *room)
-            return
-        forward(*shared, wide, *room)
-        backward(*shared, wide, room[0])
+            one_column(*shared)
+        else:
+            forward(*shared, wide)
+            backward(*shared, wide)
+        out[order] = x[: order.size, :k]
 
 
 @dataclass(frozen=True, eq=False)

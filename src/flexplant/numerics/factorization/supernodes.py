@@ -6,6 +6,7 @@ Imported only where numba is installed. Sources: Liu, SIAM J. Matrix Anal. Appl.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -14,6 +15,7 @@ import scipy.sparse as sp
 from flexplant.model.arrays import IntArray
 from flexplant.numerics.compiled import compiled
 from flexplant.numerics.factorization.dissection import dissected
+from flexplant.numerics.factorization.panel_lanes import STRIP
 
 SEED = 20190811
 # A supernode joins its parent while it is narrow, or while the zeros stored because of that stay few.
@@ -56,13 +58,48 @@ class Supernodes:
         c, r = self.columns.astype(float), self.below.astype(float)
         return float((c**3 / 3 + c**2 * r + c * r**2).sum())
 
+    @cached_property
+    def families(self) -> list[list[int]]:
+        """The children of each."""
+        found: list[list[int]] = [[] for _ in range(self.parent.size)]
+        for s, parent in enumerate(self.parent.tolist()):
+            if parent >= 0:
+                found[parent].append(s)
+        return found
+
+    @cached_property
+    def depth(self) -> IntArray:
+        """Supernodes above each."""
+        depth = np.zeros(self.parent.size, dtype=np.int64)
+        for s in range(self.parent.size - 2, -1, -1):
+            depth[s] = depth[self.parent[s]] + 1 if self.parent[s] >= 0 else 0
+        return depth
+
+    @cached_property
+    def stacked(self) -> tuple[IntArray, tuple[int, int]]:
+        """Where the update of each goes on one of two stacks, of even and odd depth, and how high the stacks grow.
+
+        Children, on the other stack, are taken off when their parent's update is complete. Updates are squares in eights.
+        """
+        update, inner, at, most = in_strips(self.below) ** 2, self.parent >= 0, np.zeros_like(self.parent), [0, 0]
+        for odd in range(2):
+            mine = np.where(self.depth % 2 == odd, update, 0)
+            taken = np.zeros_like(mine)
+            np.add.at(taken, self.parent[inner], mine[inner])
+            before = np.r_[0, np.cumsum(mine - taken)[:-1]]
+            at, most[odd] = np.where(self.depth % 2 == odd, before, at), int((before + mine).max(initial=0))
+        return at, (most[0], most[1])
+
     @property
     def waiting(self) -> int:
         """The most values of fronts and updates that a factorisation holds at once."""
-        update, inner = self.below.astype(float) ** 2, self.parent >= 0
-        taken = np.bincount(self.parent[inner], update[inner], minlength=update.size)
-        before = np.r_[0.0, np.cumsum(update - taken)[:-1]]
-        return int((before + update + self.columns.astype(float) ** 2).max(initial=0.0))
+        c = self.columns
+        return int(np.max(c**2) + np.max(c * in_strips(self.below))) + sum(self.stacked[1])
+
+
+def in_strips(rows: IntArray) -> IntArray:
+    """Rows filled up to a multiple of eight."""
+    return np.asarray(-(-rows // STRIP) * STRIP)
 
 
 def supernodes(matrix: Any) -> Supernodes:
