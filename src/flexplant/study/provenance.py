@@ -8,8 +8,10 @@ import platform
 from collections.abc import Iterator, Mapping
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
+from typing import Any
 
 from flexplant.assembly import System
+from flexplant.study.display import is_drawn, mesh_of
 from flexplant.study.schema import StudySpec
 
 PACKAGES = ("flexplant", "numpy", "scipy", "xarray", "rslab", "pyyeti", "plotly")
@@ -25,13 +27,20 @@ def provenance(study: StudySpec, path: Path, system: System) -> dict[str, dict[s
         groups[f"Component {component.name}"] = {
             "boundary DOF": component.n_boundary,
             "modal DOF": component.n_modal,
-            **{
-                str(k): v for k, v in component.source.items() if isinstance(v, (str, int, float)) and k not in ("path", "sha256")
-            },
+            **_told(component.source),
         }
+    for name, spec in study.components.items():
+        if is_drawn(spec) and (mesh := mesh_of(spec, path.parent)) is not None:
+            groups[f"Geometry of {name}"] = {"nodes": len(mesh.nodes), **_told(mesh.source)}
+            groups["Files (SHA-256)"] |= dict(_beside(mesh.source, path.parent))
     groups["Versions"] = {"python": platform.python_version(), **{name: _version(name) for name in PACKAGES}}
     groups["Settings"] = dict(_settings(study))
     return groups
+
+
+def _told(source: Mapping[str, object]) -> dict[str, object]:
+    """What a record of provenance says, but for path and hash, which stand with the files."""
+    return {str(k): v for k, v in source.items() if isinstance(v, (str, int, float)) and k not in ("path", "sha256")}
 
 
 def _files(study: StudySpec) -> list[str]:
@@ -49,9 +58,13 @@ def _hashes(study: StudySpec, path: Path, system: System) -> Iterator[tuple[str,
     for name in (path.name, *_files(study)):
         yield name, hashlib.sha256((folder / name).read_bytes()).hexdigest()
     for component in system.components:
-        beside: Mapping[str, str] = component.source.get("files", {})
-        for file, digest in beside.items():
-            yield Path(os.path.relpath(file, folder)).as_posix(), digest
+        yield from _beside(component.source, folder)
+
+
+def _beside(source: Mapping[str, Any], folder: Path) -> Iterator[tuple[str, str]]:
+    """Files that a reader found beside the one it was given."""
+    for file, digest in source.get("files", {}).items():
+        yield Path(os.path.relpath(file, folder)).as_posix(), digest
 
 
 def _version(name: str) -> str:

@@ -61,7 +61,9 @@ class ComponentSpec(Section):
     placement: PlacementSpec | None = Field(default=None, description="rotation and translation; left out: not moved")
     reduce: ReduceSpec | None = Field(default=None, description="the file holds an unreduced model: reduce it like this")
     geometry: StudyPath | None = Field(
-        default=None, description="deck or listing with the node positions that an unreduced model lacks"
+        default=None,
+        description="deck or listing with the node positions that an unreduced model lacks; without `reduce`, the bulk data "
+        "whose mesh the report draws, moved by the component's displacement recovery (mug1)",
     )
 
     @model_validator(mode="after")
