@@ -44,6 +44,9 @@ def test_interface_node_keeps_rigid_motion_and_mass(block, kind):
     np.testing.assert_allclose(rigid.T @ (changed.mass @ rigid), before.T @ (block.mass @ before), rtol=1e-10, atol=1e-10)
     component = craig_bampton(changed, [(9000, "123456")], n_modes=4, residual_vectors=1)
     assert fp.normal_modes(component).n_rigid == 6
+    body = guyan(changed, [(9000, "123456")])  # held there, nothing is left to be stiff
+    assert not body.stiffness.any()
+    np.testing.assert_array_equal(fp.normal_modes(body).frequency_hz, 0.0)
 
 
 def test_average_node_shares_a_force_and_does_not_stiffen(block):

@@ -25,6 +25,8 @@ WORDS = {  # of the library, and of the command line
     "residual_vectors": "--residual-vectors",
     "keep_basis": "--keep-basis",
     "geometry=": "--geometry",
+    "radius_m": "the radius",
+    "position_m": "its place",
 }
 INTERFACE_WORDS = {"max_frequency_hz": "--interface-frequency", "n_modes": "--interface-modes"}
 
@@ -97,9 +99,17 @@ def _write(component: Component, output: Path, basis: bool, force: bool, size_be
 
 
 def _rows(**texts: str | None) -> dict[str, Any]:
+    """The DOF of those options that were given."""
+    from flexplant.model.dofs import DofSet
     from flexplant.study.arguments import parse_boundary
+    from flexplant.study.reduction import told_of
 
-    return {key: parse_boundary(text) for key, text in texts.items() if text is not None}
+    rows: dict[str, Any] = {}
+    for key, text in texts.items():
+        if text is not None:
+            with told_of(f"--{key}"):
+                DofSet.of(rows.setdefault(key, parse_boundary(text)))
+    return rows
 
 
 def _patches(average: list[str], rigid: list[str]) -> list[dict[str, Any]]:
@@ -124,6 +134,6 @@ def _words() -> Iterator[None]:
         yield
     except (InputError, SolverError) as error:
         text = str(error)
-        words = INTERFACE_WORDS if text.startswith("characteristic") else WORDS
-        named = [option for word, option in words.items() if re.search(rf"\b{word}", text)]
-        raise type(error)(f"{text} (here: {', '.join(named)})" if named else text) from None
+        for word, option in (INTERFACE_WORDS if text.startswith("characteristic") else WORDS).items():
+            text = re.sub(rf"\b{word}", option, text)
+        raise type(error)(*text.splitlines()) from None

@@ -12,6 +12,7 @@ from flexplant.model.component import FiniteElementModel
 from flexplant.model.damping import DampingRatio, given_ratios
 from flexplant.model.dofs import DofSet
 from flexplant.model.recovery import Recovery
+from flexplant.reduction.free import ROUND_OFF
 from flexplant.reduction.interior import Interior, coupling
 from flexplant.reduction.partition import Partition, project
 from flexplant.reduction.reduced import ReducedComponent, ReductionReport, Storage
@@ -52,7 +53,7 @@ def hcb_component(
     model, n_b, n_q = part.model, part.b.size, interior.raw.shape[1]
     part.solve_no_more()
     mass, stiffness = np.eye(n_b + n_q), np.zeros((n_b + n_q, n_b + n_q))
-    mass[:n_b, :n_b], stiffness[:n_b, :n_b] = part.condensed("mass"), part.condensed("stiffness")
+    mass[:n_b, :n_b], stiffness[:n_b, :n_b] = part.condensed("mass"), _boundary_stiffness(part)
     mass[n_b:, :n_b] = coupling(interior)
     mass[:n_b, n_b:] = mass[n_b:, :n_b].T
     stiffness[n_b:, n_b:] = np.diag(interior.diagonal)
@@ -80,6 +81,13 @@ def hcb_component(
         basis=basis,
         error_rows=error_rows,
     )
+
+
+def _boundary_stiffness(part: Partition) -> FloatArray:
+    """The condensed stiffness; zero where all of it is round-off of the terms that cancelled, behind a statically determinate
+    interface, for then a mere rigid body is left, and nothing to tell it by."""
+    stiffness, size = part.condensed("stiffness"), np.sqrt(part.cancelling)
+    return np.zeros_like(stiffness) if (abs(stiffness) <= ROUND_OFF * np.outer(size, size)).all() else stiffness
 
 
 def _stored(part: Partition, interior: Interior, keep_basis: Storage) -> FloatArray | None:

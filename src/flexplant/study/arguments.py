@@ -10,13 +10,15 @@ from flexplant.study.fields import nodes_of
 
 
 def parse_connection(text: str) -> Connection:
-    """A connection from "a:b:3,11,19" (the same node ids on both sides) or "a:b" (by position). Raises InputError."""
-    parts = text.split(":")
-    if len(parts) not in (2, 3) or not all(parts):
-        raise InputError(f"connection {text!r}: write a:b:node,node or, to match by position, a:b")
-    if len(parts) == 2:
-        return Connection(parts[0], parts[1], pairs="by position")
-    return Connection(parts[0], parts[1], pairs=[(node, node) for node in _nodes(parts[2], text)])
+    """A connection from "a:b:3,11-19" (the same node ids on both sides) or "a:b" (by position), all six directions or, as in
+    "a:b:3,11:123" and "a:b::123", those at the end. Raises InputError."""
+    a, _, rest = text.partition(":")
+    b, *more = rest.split(":")
+    nodes, directions = (more + ["", "123456"][len(more) :])[:2]
+    if not a or not b or len(more) > 2 or (more and not more[-1]):
+        raise InputError(f"connection {text!r}: write a:b:node,node or, to match by position, a:b; add :123 for some directions")
+    pairs: Any = [(node, node) for node in _nodes(nodes, text)] if nodes else "by position"
+    return Connection(a, b, pairs=pairs, directions=directions)
 
 
 def parse_ground(text: str) -> Connection:
@@ -25,6 +27,14 @@ def parse_ground(text: str) -> Connection:
     if not component or not nodes:
         raise InputError(f"ground {text!r}: write component:node,node")
     return Connection(component, GROUND, pairs=_nodes(nodes, text), name=f"ground-{component}")
+
+
+def parse_interface(text: str) -> tuple[str, int]:
+    """The connection and the number of its characteristic modes from "a-b=12". Raises InputError."""
+    name, _, count = text.rpartition("=")
+    if not name or not count.isdecimal():
+        raise InputError(f"interface modes {text!r}: write connection=number, such as bus-optic=12")
+    return name, int(count)
 
 
 def parse_boundary(text: str) -> list[tuple[int, str]]:

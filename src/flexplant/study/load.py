@@ -177,7 +177,8 @@ def _text(item: Any, name: str, place: Place, whole: bool, schema: Mapping[str, 
     message = message[:1].lower() + message[1:]
     if item["type"] == "literal_error":
         return f"{name}: {item['input']!r} is not allowed; {message}"
-    expected = _described(allowed) or _described(_schema_at(schema, place[:-1]))
+    around = (_described(_schema_at(schema, place[: len(place) - up])) for up in (1, 2))  # of a list's item, and of its items
+    expected = _described(allowed) or next(filter(None, around), "")
     hint = f"; expected: {expected}" if expected and item["type"] != "value_error" else ""
     return f"{name}: {message if whole else 'not a possible value'}{hint}"
 

@@ -55,14 +55,14 @@ def reduce_model(
     boundary = list(boundary)
     patches = []
     for place, given in enumerate(interface_nodes):
-        with told_of(f"interface_nodes.{place}"):
+        with told_of(f"interface_nodes.{place} (node {given['node']})"):
             patches.append(_with_nodes(model, given))
     _refuse_overlaps(patches, {node for rows in (boundary, options.get("loads", ())) for node, _ in rows})
     for place, given in enumerate(patches):
-        with told_of(f"interface_nodes.{place}"):
+        with told_of(f"interface_nodes.{place} (node {given['node']})"):
             model = with_interface_node(model, **given)
     able = inspect.signature(METHODS[method]).parameters
-    if damping_ratio is not None and "damping_ratio" in able:
+    if damping_ratio is not None and characteristic is None and "damping_ratio" in able:
         options["damping_ratio"] = damping_ratio
     if progress is not None and "progress" in able:
         options["progress"] = progress
@@ -107,7 +107,7 @@ def _within(model: FiniteElementModel, position: FloatArray, radius: float) -> l
 
 
 def _refuse_overlaps(interface_nodes: Sequence[Mapping[str, Any]], named: set[int]) -> None:
-    """InputError where a node is in two patches, or in a patch and named itself: a patch gives DOF away."""
+    """InputError where a node is in two patches, in a patch and named itself (a patch gives DOF away), or a new one unused."""
     owner: dict[int, int] = {}
     for given in interface_nodes:
         for node in given["patch"]:
@@ -116,6 +116,8 @@ def _refuse_overlaps(interface_nodes: Sequence[Mapping[str, Any]], named: set[in
                     f"node {node} is in the patches of interface nodes {owner[node]} and {given['node']}; leave it out of one"
                 )
             owner[node] = given["node"]
+    if unused := [given["node"] for given in interface_nodes if given["node"] not in named]:
+        raise InputError(f"interface node {unused[0]} is neither in boundary nor in loads; add it there, or leave it out")
     if both := sorted(named & set(owner)):
         raise InputError(
             f"node {both[0]} is in the patch of interface node {owner[both[0]]}, which stands for it; leave it out of the patch, "
@@ -129,4 +131,8 @@ def told_of(place: str) -> Iterator[None]:
     try:
         yield
     except (InputError, SolverError) as error:
-        raise type(error)(*(f"{place}: {line}" for line in str(error).splitlines())) from None
+        raise type(error)(*(_joined(place, line) for line in str(error).splitlines())) from None
+
+
+def _joined(place: str, line: str) -> str:
+    return f"{place}{'.' if line.startswith(('interface_nodes.', 'characteristic_modes:')) else ': '}{line}"
