@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import importlib.util
+from dataclasses import replace
+from pathlib import Path
+
 import numpy as np
 import pytest
 from typer.testing import CliRunner
@@ -93,3 +97,138 @@ def test_the_component_can_be_named(model, tmp_path):
     assert fp.read_component(tmp_path / "r.npz").name == "arm"
     bad = call(model, "--boundary", "1:1", "--modes", 2, "--name", "two.parts", "-o", tmp_path / "s.npz")
     assert (bad.exit_code, "without dots" in bad.stderr) == (2, True)
+
+
+@pytest.fixture(scope="module")
+def plate(tmp_path_factory):
+    """The plate of the example, as a file, and its model."""
+    place = Path(__file__).parents[1] / "examples" / "bolted_plate" / "make.py"
+    spec = importlib.util.spec_from_file_location("bolted_plate_model", place)
+    script = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(script)
+    model = script.plate("plate")
+    return fp.write_model(model, tmp_path_factory.mktemp("plate") / "plate.npz"), model
+
+
+PATCH = [(1 + n) for n in (0, 1, 2, 3, 12, 13, 14, 15)]
+
+
+def reduced(plate, out, *arguments):
+    """The component that the command wrote."""
+    result = call(plate[0], *arguments, "-q", "-o", out)
+    assert result.exit_code == 0, result.output
+    return fp.read_component(out), result
+
+
+@pytest.mark.parametrize(
+    ("arguments", "call_of_library"),
+    [
+        (("--method", "rubin", "--modes", 5), lambda m, b: fp.rubin(m, b, n_modes=5)),
+        (("--method", "guyan"), fp.guyan),
+        (("--max-frequency", 9e3, "--ritz", 1), lambda m, b: fp.craig_bampton(m, b, max_frequency_hz=9e3, residual_vectors=1)),
+    ],
+)
+@pytest.mark.parametrize(("option", "kind"), [("--average-patch", "average"), ("--rigid-patch", "rigid")])
+def test_each_method_with_a_patch_is_what_the_library_gives(plate, tmp_path, arguments, call_of_library, option, kind):
+    held = ["--boundary", "500 108:123", option]
+    ours, result = reduced(plate, tmp_path / "r.npz", *held, "500=1-4,13-16", *arguments)
+    middle = plate[1].nodes.positions[[n - 1 for n in PATCH]].mean(axis=0)
+    model = fp.with_interface_node(plate[1], 500, middle, PATCH, kind=kind)
+    theirs = call_of_library(model, [(500, "123456"), (108, "123")])
+    np.testing.assert_array_equal(ours.stiffness, theirs.stiffness)
+    np.testing.assert_array_equal(ours.mass, theirs.mass)
+    assert str(theirs.report) in result.stdout
+    assert f"reduced 324 DOF to {theirs.n}" in result.stdout
+    placed = ",".join(f"{x:.17g}" for x in middle)
+    again, _ = reduced(plate, tmp_path / "again.npz", *held, f"500=1-4,13-16@{placed}", *arguments)
+    np.testing.assert_array_equal(again.stiffness, ours.stiffness)
+
+
+def test_characteristic_modes_loads_recovery_and_basis_are_written(plate, tmp_path):
+    options = ("--boundary", "1,6:123 97-108:123", "--modes", 8, "--loads", "50:3", "--recover", "55:12", "--keep-basis")
+    small, result = reduced(plate, tmp_path / "r.h5", *options, "--keep", "1,6:123", "--interface-modes", 30)
+    assert "30 coordinates of the interface for 36 boundary DOF" in result.stdout
+    assert small.boundary.nodes == [1, 6]
+    assert small.interior.pairs == [(50, 3)]
+    assert small.recovery["displacement"].labels == ("55.1", "55.2")
+    np.testing.assert_allclose(small.basis.T @ (plate[1].mass @ small.basis), small.mass, atol=1e-9)
+    np.testing.assert_allclose(small.interior_rows[0], small.basis[3 * 49 + 2], atol=1e-9)
+    full = fp.normal_modes(plate[1], n_modes=10).frequency_hz[6:]
+    assert (fp.normal_modes(small).frequency_hz[6:10] / full - 1).max() < 5e-3
+    fewer, _ = reduced(plate, tmp_path / "f.npz", *options, "--keep", "1,6:123", "--interface-frequency", 6e3)
+    assert small.n_boundary == fewer.n_boundary == 6
+    assert fewer.n < small.n
+
+
+def test_two_files_share_a_reduced_interface(plate, tmp_path):
+    left, right = tmp_path / "left.npz", tmp_path / "right.npz"
+    for out, held in ((left, "97-108:123"), (tmp_path / "there.npz", "1-12:123")):
+        reduced(plate, out, "--boundary", held, "--max-frequency", 6e3, "--ritz", 1)
+    there = fp.read_component(tmp_path / "there.npz")
+    nodes = fp.Nodes(ids=there.nodes.ids, positions=there.nodes.positions + np.array([0.4, 0, 0]))
+    fp.write_component(replace(there, nodes=nodes), right)
+    runner = CliRunner()
+    arguments = ["couple", str(left), str(right), "--connect", "left:right::123", "--max-frequency", "800", "-o"]
+    sizes, first = [], []
+    for place, more in (("whole.npz", []), ("small.npz", ["--interface-modes", "left-right=20"])):
+        done = runner.invoke(app, [*arguments, str(tmp_path / place), *more])
+        assert done.exit_code == 0, done.output
+        with np.load(tmp_path / place) as data:
+            sizes.append(int(data["shape"][0]))
+        first.append(float(done.stdout.split("\n7 ")[-1].split()[0]))
+    assert sizes[1] < sizes[0] - 2 * 16
+    assert first[1] == pytest.approx(first[0], rel=1e-4)
+    for wrong, words in (("left-rigth=20", "Did you mean 'left-right'"), ("left-right", "write connection=number")):
+        refused = runner.invoke(app, [*arguments, str(tmp_path / "x.npz"), "--interface-modes", wrong])
+        assert (refused.exit_code, words in refused.stderr) == (2, True), refused.stderr
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("--method", "Rubin", "--modes", 3), "there is no method 'Rubin'. Did you mean 'rubin'?"),
+        (("--method", "rubin", "--modes", 3, "--accuracy", 1e-3), "accuracy is no option of method rubin"),
+        (("--method", "guyan", "--modes", 3), "--modes is no option of method guyan, which has recover"),
+        (("--method", "guyan", "--ritz", 0), "--residual-vectors is no option of method guyan"),
+        (("--modes", 3, "--average-patch", "500=13-15,900"), "interface_nodes.0 (node 500): model 'plate' has no node 900"),
+        (("--modes", 3, "--average-patch", "500=13"), "does not define all six motions"),
+        (("--modes", 3, "--rigid-patch", "500=13,15,17"), "does not define all six motions"),
+        (("--modes", 3, "--average-patch", "500=13-17", "--rigid-patch", "501=17-20"), "node 17 is in the patches of"),
+        (("--modes", 3, "--average-patch", "500=12-17"), "node 12 is in the patch of interface node 500"),
+        (("--modes", 3, "--average-patch", "501=13-17"), "interface node 501 is neither in boundary nor in loads"),
+        (("--modes", 3, "--average-patch", "500=0.01@0,0,9"), "the nearest is node 2 at 8.98 m"),
+        (("--modes", 3, "--average-patch", "500"), "write node=node,node-node"),
+        (("--modes", 3, "--average-patch", "500=13-17@1,2"), "write node=node,node-node"),
+        (("--modes", 3, "--average-patch", "500=0.1"), "write node=node,node-node"),
+        (("--modes", 3, "--loads", "50:3 50:13"), "--loads: DOF set: listed twice: 50-3"),
+        (("--modes", 3, "--keep", "1:123"), "--interface-modes or --interface-frequency"),
+        (("--modes", 3, "--interface-modes", 4), "need --keep"),
+        (("--modes", 3, "--keep", "50:123", "--interface-modes", 4), "characteristic_modes: component 'plate' has no node 50"),
+        (("--modes", 3, "--keep", "1,12:123", "--interface-modes", -4), "--interface-modes must be a whole number"),
+    ],
+)
+def test_mistakes_about_methods_and_interfaces(plate, tmp_path, arguments, words):
+    node = ("--boundary", "1,12:123 500" if any("500" in str(a) for a in arguments) else "1,12:123 6:1")
+    result = call(plate[0], *node, *arguments, "-q", "-o", tmp_path / "x.npz")
+    assert result.exit_code == 2
+    (line,) = result.stderr.strip().splitlines()
+    assert words in line
+    assert not (tmp_path / "x.npz").exists()
+
+
+def test_a_format_that_cannot_hold_what_is_asked_is_told_first(tmp_path):
+    (tmp_path / "none.npz").write_text("nothing that can be read")
+    for extra, what in ((("--loads", "1:1"), "interior DOF"), (("--keep-basis",), "basis")):
+        result = call(tmp_path / "none.npz", "--boundary", "1:1", "--modes", 2, *extra, "-o", tmp_path / "r.op4")
+        assert (result.exit_code, f"does not hold the {what}" in result.stderr) == (2, True)
+
+
+def test_progress_of_a_long_reduction_is_on_stderr(model, tmp_path, monkeypatch):
+    def slow(model, boundary, progress):
+        progress("modes", 0.5)
+        return fp.guyan(model, boundary)
+
+    monkeypatch.setattr("flexplant.study.reduction.METHODS", {"guyan": slow})
+    loud = call(model, "--boundary", f"1,{N}:1", "--method", "guyan", "-o", tmp_path / "r.npz")
+    assert "modes" in loud.stderr
+    assert "50 %" in loud.stderr
