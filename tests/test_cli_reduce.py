@@ -12,6 +12,9 @@ from typer.testing import CliRunner
 
 import flexplant as fp
 from flexplant.cli import app
+from flexplant.errors import InputError
+from flexplant.study.arguments import parse_patch
+from flexplant.study.reduction import reduce_model
 
 N = 8
 
@@ -121,17 +124,20 @@ def reduced(plate, out, *arguments):
 
 
 @pytest.mark.parametrize(
-    ("arguments", "call_of_library"),
+    ("kind", "arguments", "call_of_library"),
     [
-        (("--method", "rubin", "--modes", 5), lambda m, b: fp.rubin(m, b, n_modes=5)),
-        (("--method", "guyan"), fp.guyan),
-        (("--max-frequency", 9e3, "--ritz", 1), lambda m, b: fp.craig_bampton(m, b, max_frequency_hz=9e3, residual_vectors=1)),
+        ("average", ("--method", "rubin", "--modes", 5), lambda m, b: fp.rubin(m, b, n_modes=5)),
+        ("rigid", ("--method", "guyan"), fp.guyan),
+        (
+            "average",
+            ("--max-frequency", 9e3, "--ritz", 1),
+            lambda m, b: fp.craig_bampton(m, b, max_frequency_hz=9e3, residual_vectors=1),
+        ),
     ],
 )
-@pytest.mark.parametrize(("option", "kind"), [("--average-patch", "average"), ("--rigid-patch", "rigid")])
-def test_each_method_with_a_patch_is_what_the_library_gives(plate, tmp_path, arguments, call_of_library, option, kind):
-    held = ["--boundary", "500 108:123", option]
-    ours, result = reduced(plate, tmp_path / "r.npz", *held, "500=1-4,13-16", *arguments)
+def test_each_method_with_a_patch_is_what_the_library_gives(plate, tmp_path, kind, arguments, call_of_library):
+    patch = (f"--{kind}-patch", "500=1-4,13-16")
+    ours, result = reduced(plate, tmp_path / "r.npz", "--boundary", "500 108:123", *patch, *arguments)
     middle = plate[1].nodes.positions[[n - 1 for n in PATCH]].mean(axis=0)
     model = fp.with_interface_node(plate[1], 500, middle, PATCH, kind=kind)
     theirs = call_of_library(model, [(500, "123456"), (108, "123")])
@@ -139,9 +145,21 @@ def test_each_method_with_a_patch_is_what_the_library_gives(plate, tmp_path, arg
     np.testing.assert_array_equal(ours.mass, theirs.mass)
     assert str(theirs.report) in result.stdout
     assert f"reduced 324 DOF to {theirs.n}" in result.stdout
-    placed = ",".join(f"{x:.17g}" for x in middle)
-    again, _ = reduced(plate, tmp_path / "again.npz", *held, f"500=1-4,13-16@{placed}", *arguments)
-    np.testing.assert_array_equal(again.stiffness, ours.stiffness)
+
+
+def test_a_patch_as_text():
+    assert parse_patch("500=1-3,9@0.1,-2,3e-1", "rigid") == {
+        "node": 500, "kind": "rigid", "patch": [1, 2, 3, 9], "position_m": [0.1, -2.0, 0.3]
+    }  # fmt: skip
+    assert parse_patch("5=0.03@1,2,3", "average") == {
+        "node": 5,
+        "kind": "average",
+        "radius_m": 0.03,
+        "position_m": [1.0, 2.0, 3.0],
+    }
+    for wrong in ("500", "500=1-4@1,2", "500=0.1", "x=1", "5=", "5=3-1", "5=1@1,2,x", "=1,2,3"):
+        with pytest.raises(InputError, match="write node=node,node-node"):
+            parse_patch(wrong, "average")
 
 
 def test_characteristic_modes_loads_recovery_and_basis_are_written(plate, tmp_path):
@@ -162,9 +180,11 @@ def test_characteristic_modes_loads_recovery_and_basis_are_written(plate, tmp_pa
 
 def test_two_files_share_a_reduced_interface(plate, tmp_path):
     left, right = tmp_path / "left.npz", tmp_path / "right.npz"
-    for out, held in ((left, "97-108:123"), (tmp_path / "there.npz", "1-12:123")):
-        reduced(plate, out, "--boundary", held, "--max-frequency", 6e3, "--ritz", 1)
-    there = fp.read_component(tmp_path / "there.npz")
+    here, there = (
+        fp.craig_bampton(plate[1], [(n, "123") for n in edge], max_frequency_hz=6e3, residual_vectors=1)
+        for edge in (range(97, 109), range(1, 13))
+    )
+    fp.write_component(here, left)
     nodes = fp.Nodes(ids=there.nodes.ids, positions=there.nodes.positions + np.array([0.4, 0, 0]))
     fp.write_component(replace(there, nodes=nodes), right)
     runner = CliRunner()
@@ -186,34 +206,47 @@ def test_two_files_share_a_reduced_interface(plate, tmp_path):
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (("--method", "Rubin", "--modes", 3), "there is no method 'Rubin'. Did you mean 'rubin'?"),
-        (("--method", "rubin", "--modes", 3, "--accuracy", 1e-3), "accuracy is no option of method rubin"),
         (("--method", "guyan", "--modes", 3), "--modes is no option of method guyan, which has recover"),
-        (("--method", "guyan", "--ritz", 0), "--residual-vectors is no option of method guyan"),
-        (("--modes", 3, "--average-patch", "500=13-15,900"), "interface_nodes.0 (node 500): model 'plate' has no node 900"),
-        (("--modes", 3, "--average-patch", "500=13"), "does not define all six motions"),
-        (("--modes", 3, "--rigid-patch", "500=13,15,17"), "does not define all six motions"),
-        (("--modes", 3, "--average-patch", "500=13-17", "--rigid-patch", "501=17-20"), "node 17 is in the patches of"),
-        (("--modes", 3, "--average-patch", "500=12-17"), "node 12 is in the patch of interface node 500"),
-        (("--modes", 3, "--average-patch", "501=13-17"), "interface node 501 is neither in boundary nor in loads"),
-        (("--modes", 3, "--average-patch", "500=0.01@0,0,9"), "the nearest is node 2 at 8.98 m"),
-        (("--modes", 3, "--average-patch", "500"), "write node=node,node-node"),
-        (("--modes", 3, "--average-patch", "500=13-17@1,2"), "write node=node,node-node"),
-        (("--modes", 3, "--average-patch", "500=0.1"), "write node=node,node-node"),
         (("--modes", 3, "--loads", "50:3 50:13"), "--loads: DOF set: listed twice: 50-3"),
-        (("--modes", 3, "--keep", "1:123"), "--interface-modes or --interface-frequency"),
         (("--modes", 3, "--interface-modes", 4), "need --keep"),
-        (("--modes", 3, "--keep", "50:123", "--interface-modes", 4), "characteristic_modes: component 'plate' has no node 50"),
         (("--modes", 3, "--keep", "1,12:123", "--interface-modes", -4), "--interface-modes must be a whole number"),
     ],
 )
-def test_mistakes_about_methods_and_interfaces(plate, tmp_path, arguments, words):
-    node = ("--boundary", "1,12:123 500" if any("500" in str(a) for a in arguments) else "1,12:123 6:1")
-    result = call(plate[0], *node, *arguments, "-q", "-o", tmp_path / "x.npz")
+def test_mistakes_in_the_words_of_the_command_line(plate, tmp_path, arguments, words):
+    result = call(plate[0], "--boundary", "1,12:123 6:1", *arguments, "-q", "-o", tmp_path / "x.npz")
     assert result.exit_code == 2
     (line,) = result.stderr.strip().splitlines()
     assert words in line
     assert not (tmp_path / "x.npz").exists()
+
+
+def averaged(*nodes, node=500):
+    """An averaging patch for reduce_model."""
+    return {"node": node, "kind": "average", "patch": list(nodes)}
+
+
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        ({"method": "Rubin"}, "there is no method 'Rubin'. Did you mean 'rubin'?"),
+        ({"method": "rubin", "accuracy": 1e-3}, "accuracy is no option of method rubin"),
+        ({"interface_nodes": [averaged(13, 14, 900)]}, "interface_nodes.0 (node 500): model 'plate' has no node 900"),
+        ({"interface_nodes": [averaged(13)]}, "does not define all six motions"),
+        ({"interface_nodes": [averaged(*range(13, 18)), averaged(17, 18, 19, 20, node=501)]}, "node 17 is in the patches of"),
+        ({"interface_nodes": [averaged(12, 13, 14, 15)]}, "node 12 is in the patch of interface node 500"),
+        ({"interface_nodes": [averaged(13, 14, 15, node=502)]}, "interface node 502 is neither in boundary nor in loads"),
+        (
+            {"interface_nodes": [{"node": 500, "kind": "rigid", "radius_m": 0.01, "position_m": [0, 0, 9]}]},
+            "no node within radius_m 0.01 of position_m; the nearest is node 2 at 8.98 m",
+        ),
+        ({"characteristic": {"keep": [(50, "123")], "n_modes": 4}}, "characteristic_modes: component 'plate' has no node 50"),
+    ],
+)
+def test_mistakes_about_methods_and_interfaces(plate, given, words):
+    new = [(node, "123456") for node in (500, 501)][: len(given.get("interface_nodes", ()))]
+    with pytest.raises(InputError) as caught:
+        reduce_model(plate[1], [(1, "123"), (12, "123"), (6, 1), *new], n_modes=3, **given)
+    assert words in str(caught.value)
 
 
 def test_a_format_that_cannot_hold_what_is_asked_is_told_first(tmp_path):

@@ -50,9 +50,9 @@ def couple(
     if output is not None:
         check_system_target(output, files, overwrite=force)
     reading: dict[str, Any] = {"format": format, "units": units, **format_options(option)}
+    asked = [parse_interface(text) for text in interface_modes or []]
     components = [read_component(file, name=file.stem, **reading) for file in files]
     connections = [parse_connection(text) for text in connect or []] + [parse_ground(text) for text in ground or []]
-    asked = [parse_interface(text) for text in interface_modes or []]
     system = assemble(components, connections, method=method)
     for name, count in asked:
         system = characteristic_interface(system, name, n_modes=count)

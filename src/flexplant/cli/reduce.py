@@ -62,20 +62,21 @@ def reduce(
     look(model)
     from flexplant.io import read_model
     from flexplant.study.outputs import check_component_target
+    from flexplant.study.reduction import check_method
 
     reading: dict[str, Any] = format_options(option) | ({} if geometry is None else {"geometry": geometry})
     sources = [model, *([geometry] if geometry else [])]
     extras = {"interior": loads is not None, "recovery": recover is not None, "basis": keep_basis}
     check_component_target(output, sources, overwrite=force, **extras)
     given: dict[str, Any] = {"max_frequency_hz": max_frequency, "n_modes": modes, "residual_vectors": residual_vectors}
-    given |= {"accuracy": accuracy, "size": size, "keep_basis": keep_basis or None, "method": method}
-    given |= _rows(loads=loads, recover=recover)
-    given["interface_nodes"] = _patches(average_patch or [], rigid_patch or [])
+    given |= {"accuracy": accuracy, "size": size, "keep_basis": keep_basis or None, **_rows(loads=loads, recover=recover)}
+    given = {key: value for key, value in given.items() if value is not None}
+    with _words():
+        check_method(method, given)
+    given |= {"method": method, "interface_nodes": _patches(average_patch or [], rigid_patch or []), **_rows(boundary=boundary)}
     given["characteristic"] = _characteristic(_rows(keep=keep), interface_modes, interface_frequency)
-    held = _rows(boundary=boundary)
     full = read_model(model, format=format, units=units, name=name, **reading)
-    component = _reduced(full, quiet, held | {key: value for key, value in given.items() if value is not None})
-    _write(component, output, keep_basis, force, len(full.dofs))
+    _write(_reduced(full, quiet, given), output, keep_basis, force, len(full.dofs))
 
 
 def _reduced(model: FiniteElementModel, quiet: bool, given: dict[str, Any]) -> Component:

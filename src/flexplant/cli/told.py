@@ -14,8 +14,9 @@ from typing import Any, ParamSpec, TypeVar
 import typer
 
 from flexplant.cli.options import OWN_OPTIONS
-from flexplant.errors import CheckFailedError, FlexplantError, PlausibilityWarning, ReadError, SolverError
+from flexplant.errors import CheckFailedError, FlexplantError, LeftOutWarning, PlausibilityWarning, ReadError, SolverError
 
+NOTES = (PlausibilityWarning, LeftOutWarning)
 OK, FAILED, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -45,13 +46,14 @@ def told(command: Callable[P, R]) -> Callable[P, R]:
 
 @contextmanager
 def notes() -> Iterator[None]:
-    """Warnings about implausible numbers as one line each on stderr, a file's once."""
+    """Warnings about implausible numbers, and about what a result lacks, as one line each on stderr, a file's once."""
     with warnings.catch_warnings():
-        warnings.simplefilter("default", PlausibilityWarning)
+        for kind in NOTES:
+            warnings.simplefilter("default", kind)
         shown = warnings.showwarning
 
         def tell(message: Any, category: Any, *rest: Any, **more: Any) -> None:
-            if issubclass(category, PlausibilityWarning):
+            if issubclass(category, NOTES):
                 typer.echo(f"flexplant: note: {message}", err=True)
             else:
                 shown(message, category, *rest, **more)

@@ -31,6 +31,14 @@ def foreign_option(method: str, options: Iterable[str]) -> str | None:
     return f"{foreign[0]} is no option of method {method}, which has {own}; leave it out, or take method {others}"
 
 
+def check_method(method: str, options: Iterable[str]) -> None:
+    """InputError for an unknown method, or an option of another one: before a model is read, not after it."""
+    if method not in METHODS:
+        raise InputError(f"there is no method {method!r:.60}." + nearest(method, METHODS))
+    if (problem := foreign_option(method, options)) is not None:
+        raise InputError(problem)
+
+
 def reduce_model(
     model: FiniteElementModel,
     boundary: Rows,
@@ -48,10 +56,7 @@ def reduce_model(
     middle of the patch then. characteristic: those of `characteristic_constraint_modes`. options: of the
     method. Raises InputError for unknown methods and options of others; errors of a patch name it by its place in the list.
     """
-    if method not in METHODS:
-        raise InputError(f"there is no method {method!r:.60}." + nearest(method, METHODS))
-    if (problem := foreign_option(method, options)) is not None:
-        raise InputError(problem)
+    check_method(method, options)
     boundary = list(boundary)
     patches = []
     for place, given in enumerate(interface_nodes):
