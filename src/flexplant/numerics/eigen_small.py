@@ -7,6 +7,7 @@ a mass that is indefinite) is left to the general ones: None comes back.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -25,11 +26,11 @@ LOST = 1e-10  # of a block before: what is left below that is round-off
 TOLERANCE = 2e-9  # of a Ritz value of C: residuals then are about 1e-9
 NARROW, CACHED = 4, 300_000  # columns of a block, fewer of which are needed the narrower it is, and entries of a factor that
 # a processor keeps at hand, so that a product with few columns costs less than one with more
-FIRST_TEST = {NARROW: (6, 17), BLOCK: (4, 14)}  # blocks besides two columns a mode to the first test, and at most
-NEXT_TEST = {NARROW: 3, BLOCK: 2}  # blocks between tests, each an eigenproblem of the basis
+FIRST_TEST = {NARROW: (7, 18), BLOCK: (4, 14)}  # blocks besides two columns a mode to the first test, and at most
+DECAY = 1.4  # of the error's logarithm with every block: when to test again, for each test is an eigenproblem of the basis
 MODES_A_BLOCK = 3  # wanted, up to so many
 LONGEST = 3  # times the columns at the first test: what has not converged by then is another kind of problem
-DENSE_ROWS, DENSE_SHARE = 120, 4  # dense up to so many unknowns, and so many more a mode: what Lanczos takes for them costs more
+DENSE_ROWS, DENSE_SHARE = 150, 3  # dense up to so many unknowns, and so many more a mode: what Lanczos takes for them costs more
 
 
 def is_dense(n: int, n_modes: int) -> bool:
@@ -57,13 +58,40 @@ def shapes(factor: BandedFactor, mass: Any, vectors: FloatArray) -> FloatArray:
     return np.asarray(x / np.sqrt(np.einsum("ij,ij->j", x, np.asarray(mass @ x))))
 
 
+@dataclass(frozen=True, eq=False)
+class ShortKrylov:
+    """theta (k,) descending and vectors Y (n, k) of C, not normalised; residuals (k,) relative to theta before the last, implicit
+    application of C; columns that took."""
+
+    theta: FloatArray
+    vectors: FloatArray
+    residuals: FloatArray
+    columns: int
+
+
 def short_lanczos(factor: BandedFactor, mass: Any, n_modes: int, progress: Progress | None = None) -> LanczosPairs | None:
-    """The `n_modes` lowest modes by block Lanczos on C, unrestarted, orthogonal to all before; see `lanczos`.
+    """The `n_modes` lowest modes from `short_krylov`, as `lanczos` gives them."""
+    found = short_krylov(factor, mass, n_modes, progress, block=width(factor))
+    if found is None:
+        return None
+    x = shapes(factor, mass, found.vectors)
+    return LanczosPairs(1 / found.theta, x, found.residuals, found.columns // BLOCK, 0, exhausted=False)
+
+
+def width(factor: BandedFactor) -> int:
+    """Columns of a block that suit a factor's size."""
+    return NARROW if factor.fill <= CACHED else BLOCK
+
+
+def short_krylov(
+    factor: BandedFactor, mass: Any, n_modes: int, progress: Progress | None = None, *, block: int
+) -> ShortKrylov | None:
+    """The `n_modes` largest theta by block Lanczos on C, unrestarted, orthogonal to all before.
 
     None where the general `lanczos` should be asked. Source: Golub and Underwood 1977.
     """
-    n, block = mass.shape[0], NARROW if factor.fill <= CACHED else BLOCK
-    least, most = FIRST_TEST[block]
+    n = mass.shape[0]
+    least, most = FIRST_TEST[NARROW if block <= NARROW else BLOCK]
     test = 2 * n_modes + min(least + n_modes // MODES_A_BLOCK, most) * block
     most = min(n, LONGEST * test)
     basis = np.empty((n, most + block), order="F")
@@ -89,11 +117,12 @@ def short_lanczos(factor: BandedFactor, mass: Any, n_modes: int, progress: Progr
         error = np.linalg.norm(coupling @ s[-block:], axis=0) / theta
         if progress is not None:
             progress("modes", float(np.count_nonzero(error <= TOLERANCE)) / n_modes)
-        if (error <= TOLERANCE).all():
+        worst = float(error.max())
+        if worst <= TOLERANCE:
             tail = coupling @ s[-block:] / theta  # one more, implicit, application of C
             vectors = dgemm(1.0, basis[:, : used + block], np.vstack([s, tail]))
-            return LanczosPairs(1 / theta, shapes(factor, mass, vectors), error, used // BLOCK, 0, exhausted=False)
-        test = used + NEXT_TEST[block] * block
+            return ShortKrylov(theta, vectors, error, used)
+        test = used + block * min(int(np.log(worst / TOLERANCE) / DECAY), used // (4 * block))
     return None
 
 

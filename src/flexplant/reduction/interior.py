@@ -14,12 +14,12 @@ from flexplant.errors import InputError
 from flexplant.model.arrays import FloatArray, dense
 from flexplant.model.dofs import DofSet
 from flexplant.numerics.eigen import Wanted, dense_lowest, shift_invert
+from flexplant.numerics.eigen_held import held_modes
 from flexplant.numerics.eigen_small import is_dense
 from flexplant.numerics.lanczos import BASIS_BYTES, Progress
 from flexplant.numerics.sturm import gap_below_last
 from flexplant.reduction.partition import Partition, project, symmetric
 
-DENSE_LIMIT = 200  # interior DOF up to which a dense solution of all modes is the fastest
 BASIS_SHARE = 0.25  # of a given memory limit, for the Lanczos basis
 DAMPED = 60  # interior DOF at dampers, up to which each damper gets vectors of its own
 INDEPENDENT = 1e-9  # part of a Ritz vector that is new, below which it adds round-off only
@@ -170,7 +170,7 @@ def fixed_interface(
     if n == 0 or n_modes == 0:
         return Interior(part, none, np.zeros(0), np.inf if n == 0 else 0.0, False, loads, none)
     factor = part.factor  # a mechanism is named before the eigensolver meets it
-    if n <= DENSE_LIMIT or (n_modes or 0) > n // 3 or is_dense(n, n_modes or 0):
+    if (n_modes or 0) > n // 3 or is_dense(n, n_modes or 0):
         return _all_dense(part, limit, n_modes, loads)
     pencil = part.pencil
     count = None if limit is None else pencil.count_below(limit)
@@ -178,7 +178,9 @@ def fixed_interface(
         return _all_dense(part, limit, n_modes, loads)
     room = BASIS_BYTES if part.memory_limit is None else min(BASIS_BYTES, BASIS_SHARE * part.memory_limit)
     wanted = Wanted(n_modes, limit, count)
-    found = shift_invert(factor, pencil, wanted, memory_limit=room, verify_count=verify_count, progress=progress)
+    found = held_modes(factor, pencil, wanted, memory_limit=room, verify_count=verify_count, progress=progress)
+    if found is None:
+        found = shift_invert(factor, pencil, wanted, memory_limit=room, verify_count=verify_count, progress=progress)
     omega2 = _enough(part, found.omega2, limit, n_modes)
     every = limit is not None and (n_modes is None or omega2.size < n_modes or count == n_modes)
     complete = float(limit or 0.0) if every else gap_below_last(omega2) if found.proved else float(omega2[-1])

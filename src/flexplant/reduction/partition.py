@@ -191,11 +191,11 @@ class Partition:
 def _cut(matrix: sp.csr_array, i: IntArray, b: IntArray) -> tuple[sp.csr_array, FloatArray, FloatArray]:
     """Blocks ii (without zeros), ib and bb of a symmetric matrix, in a fraction of the time that the general indexing of small
     sparse matrices takes."""
-    place, starts = np.empty(matrix.shape[0], dtype=np.int64), matrix.indptr
+    place, starts = np.empty(matrix.shape[0], dtype=np.int32), matrix.indptr
     place[i], place[b] = np.arange(i.size), -1 - np.arange(b.size)
     row, column = np.repeat(place, np.diff(starts)), place[matrix.indices]
     kept = np.flatnonzero((row >= 0) & (column >= 0) & (matrix.data != 0))
-    ends = np.searchsorted(kept, np.r_[starts[0], starts[1:][i]])
+    ends = np.searchsorted(kept, np.r_[starts[0], starts[1:][i]]).astype(np.int32)
     own = sp.csr_array((matrix.data[kept], column[kept], ends), shape=(i.size, i.size))
     of_b = np.flatnonzero(row < 0)
     beside = np.zeros((b.size, matrix.shape[0]))  # columns: the interior, then the boundary in reverse
