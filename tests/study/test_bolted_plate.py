@@ -140,20 +140,12 @@ def test_mistakes_name_component_key_and_line(folder, old, new, line, said):
     ("study", "old", "new", "said"),
     [
         ("characteristic", "radius_m: 0.06", "patch: [1-3, 900]", "interface_nodes.0 (node 9001): model 'plate' has no node 900"),
-        ("characteristic", "radius_m: 0.06", "patch: [1, 3, 5]", "does not define all six motions"),
-        ("characteristic", "0.1, 0.0], r", "0.1, 9.0], r", "no node within radius_m 0.06 of position_m; the nearest is node"),
         ("characteristic", "97-108", "1-40", "node 17 is in the patch of interface node 9001"),
         (
             "characteristic",
             'keep: [[9001, "123456"]]',
             "keep: [[5, '1']]",
             "characteristic_modes: component 'plate' has no node 5",
-        ),
-        (
-            "characteristic",
-            "n_modes: 12",
-            "n_modes: 37",
-            "characteristic_modes: component 'plate': 37 characteristic modes asked",
         ),
         ("rubin", '[[9001, "123456"]]', '[[9001, "123"]]', "reduce: model 'plate': with the boundary held the interior still"),
         ("pair", "n_modes: 12}}", "n_modes: 37}}", "connections.0.characteristic_modes: characteristic_interface: 37 modes of"),
