@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Iterator, Mapping, Sequence
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -140,7 +141,7 @@ def _line(lines: Mapping[Place, int], place: Place) -> int:
 def _problems(error: ValidationError, data: Any) -> Iterator[tuple[Place, str]]:
     """One text a place; the many errors of a value that may be several things are one."""
     seen: set[Place] = set()
-    schema = StudySpec.model_json_schema()
+    schema = _schema()
     items = error.errors(include_url=False)
     misspelt = {(*item["loc"][:-1], _guess(item["loc"], schema)) for item in items if item["type"] == "extra_forbidden"}
     for item in items:
@@ -150,6 +151,11 @@ def _problems(error: ValidationError, data: Any) -> Iterator[tuple[Place, str]]:
         seen.add(place)
         name = ".".join(str(p) for p in place) or "study"
         yield place, _text(item, name, place, whole, schema)
+
+
+@cache
+def _schema() -> Mapping[str, Any]:
+    return StudySpec.model_json_schema()
 
 
 def _in_file(loc: Place, data: Any) -> tuple[Place, bool]:

@@ -21,6 +21,8 @@ components:                       # name: its file and what the file does not sa
     units: SI
     # damping: 0.005              # of this component's modes (equation 4): a value, one a mode, or [[Hz, ratio], ...]
     # placement: {translation: [0, 0, 1.65]}
+    # a whole finite-element model is reduced first; docs/reduction.md has the methods (craig_bampton, rubin, guyan):
+    # reduce: {boundary: [["3-6", "123456"]], max_frequency_hz: 300, accuracy: 1.0e-6}
 
 connections:
   - {a: bus, b: optic, nodes: [3, 11, 19, 27]}          # the same node ids on both sides, all six directions
