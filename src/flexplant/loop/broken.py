@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from functools import cached_property
+from functools import cache, cached_property
 
 import numpy as np
 
@@ -13,10 +13,12 @@ from flexplant.loop.close import close, solved_wires
 from flexplant.loop.diagram import Diagram
 from flexplant.loop.diagram_response import ComplexArray, DiagramResponse
 from flexplant.loop.discretize import discretize
+from flexplant.loop.modal_split import with_modes_apart
 from flexplant.loop.norms import has_bordered_form, loop_axes
-from flexplant.loop.rates import digital_times, expect_sampled, rates_of
+from flexplant.loop.rates import expect_sampled, rates_of
 from flexplant.loop.stability import stability
 from flexplant.loop.warped import true_hz, warped, warped_hz
+from flexplant.loop.warped_modes import warped_space
 from flexplant.model.arrays import FloatArray
 from flexplant.plant.modal import ModalPlant
 
@@ -34,23 +36,25 @@ class BrokenLoops:
         """InputError for signals at which a loop with digital blocks has no transfer function."""
         self.signals, self.dt, self.about = signals, None, ""
         rates = rates_of(diagram)
-        inner, names = diagram, signals
-        if rates is not None:
+        if rates is None:
+            self.opened, self._closed = cut_open(diagram, signals), disturbed(diagram, signals).__getitem__
+        else:
             expect_sampled(diagram, signals, rates)
-            self.dt, self.about = rates.period, f"pulse transfer function of the loop sampled every {rates.period:.6g} s"
-            if rates.steps > 1 or len(set(digital_times(diagram).values())) > 1:
+            dt = self.dt = rates.period
+            self.about = f"pulse transfer function of the loop sampled every {dt:.6g} s"
+            if rates.steps > 1:
                 self.about += f", all of its rates ({diagram.rates}) lifted over this common period"
-                inner, names = _of_one_rate(cut_open(diagram, signals), rates.period)
-        opened = cut_open(inner, names)
-        self.opened = opened if self.dt is None else warped(opened, self.dt, minimal=False)
-        self._closed, self._known = disturbed(inner, names), dict[str, Diagram]()
+                lifted, names = _of_one_rate(cut_open(diagram, signals), dt)
+                self.opened, self._closed = cut_open(lifted, names), disturbed(lifted, names).__getitem__
+            else:
+                self.opened = warped(cut_open(diagram, signals), dt, minimal=False)
+                closed = disturbed(diagram, signals)
+                self._closed = cache(lambda kind: warped(closed[kind], dt))
         self._response = DiagramResponse(self.opened)
 
     def closed(self, kind: str) -> Diagram:
         """The diagram of S, T or half = (S - T) / 2."""
-        if kind not in self._known:
-            self._known[kind] = self._closed[kind] if self.dt is None else warped(self._closed[kind], self.dt)
-        return self._known[kind]
+        return self._closed(kind)
 
     def seen(self, hz: FloatArray) -> FloatArray:
         """True frequencies of those that the loops are evaluated at."""
@@ -116,11 +120,12 @@ class BrokenLoops:
 
 
 def _of_one_rate(opened: Diagram, period: float) -> tuple[Diagram, list[str]]:
-    """The open loops of several rates as one block that is sampled once a period, closed on itself, and its signals."""
-    block = discretize(opened, period)
+    """The open loops of several rates as one block over w that is sampled once a period, closed on itself, and its signals."""
+    block = warped_space(discretize(opened, period), period)
     signals = [f"loop.{name}" for name in block.outputs]
     wires = [(signal, f"loop.{name}") for signal, name in zip(signals, block.inputs, strict=True)]
-    return Diagram(blocks={"loop": block}, connections=wires, allow_algebraic_loops=True, name=opened.name), signals
+    whole = Diagram(blocks={"loop": block}, connections=wires, allow_algebraic_loops=True, name=opened.name)
+    return with_modes_apart(whole), signals
 
 
 def one_at_a_time(L: ComplexArray) -> ComplexArray:

@@ -110,13 +110,18 @@ def _reached(diagram: Diagram) -> BoolArray:
 
 
 def _kept(blocks: list[StateSpace | ModalPlant], reach: BoolArray) -> list[int]:
-    """The modal plants that stay modal, the largest first, in the order of the diagram."""
+    """The modal plants that stay modal, the largest first, in the order of the diagram.
+
+    None where one exponential of everything costs less than one a mode, of the mode and all small systems.
+    """
     plants = {k: b.n_modes for k, b in enumerate(blocks) if isinstance(b, ModalPlant) and b.damping is None and b.n_modes}
     kept: list[int] = []
     for k in sorted(plants, key=lambda k: -plants[k]):
         if not reach[k, k] and not reach[k, kept].any() and not reach[kept, k].any():
             kept.append(k)
-    return sorted(kept)
+    n = sum(plants[k] for k in kept)
+    small = sum(2 * b.n_modes if isinstance(b, ModalPlant) else b.n_states for b in blocks) - 2 * n
+    return sorted(kept) if n * (small + 2) ** 3 <= (2 * n + small) ** 3 else []
 
 
 def _outputs(spaces: list[StateSpace | None], plants: dict[int, ModalPlant]) -> tuple[FloatArray, FloatArray]:

@@ -11,15 +11,10 @@ import numpy as np
 
 from flexplant.blocks.sampled import USER, SampledBlock
 from flexplant.loop.hybrid import Element
-from flexplant.numerics.compiled import numba
+from flexplant.numerics.compiled import is_compiled, numba, with_checked_indices
 
-FINE, WRONG_SIZE, NOT_FINITE = 1, 2, 3  # what a call returns; 0 stands for an exception
+RAISED, FINE, WRONG_SIZE, NOT_FINITE = 0, 1, 2, 3  # what a call returns
 SIGNATURE = "int64(float64, CPointer(float64), CPointer(float64), CPointer(float64))"
-
-
-def is_compiled(function: object) -> bool:
-    """True for a function that the user has decorated with numba.njit."""
-    return hasattr(function, "py_func") and hasattr(function, "signatures")
 
 
 def c_functions(elements: tuple[Element, ...], *, plain: bool) -> list[Any] | None:
@@ -52,7 +47,7 @@ def _is_pure(function: Callable[..., object]) -> bool:
 def _c_function(own: Callable[..., object], nu: int, ns: int, ny: int, takes_state: bool) -> Any | None:
     """The compiled call, or None where numba does not know how."""
     nb: Any = numba()
-    law: Any = own if is_compiled(own) else nb.njit(own)
+    law: Any = with_checked_indices(own)
     carray = nb.carray
 
     @nb.njit
@@ -68,12 +63,18 @@ def _c_function(own: Callable[..., object], nu: int, ns: int, ny: int, takes_sta
         return FINE
 
     def stateless(t, u, s, y):  # type: ignore[no-untyped-def]  # noqa: ARG001
-        return written(law(t, carray(u, (nu,)).copy()), y, ny)
+        try:
+            return written(law(t, carray(u, (nu,)).copy()), y, ny)
+        except Exception:  # noqa: BLE001  (compiled: numba knows no other; Python's own call then says what it is)
+            return RAISED
 
     def with_state(t, u, s, y):  # type: ignore[no-untyped-def]
-        found, state = law(t, carray(u, (nu,)).copy(), carray(s, (ns,)).copy())
-        first = written(found, y, ny)
-        return written(state, s, ns) if first == FINE else first
+        try:
+            found, state = law(t, carray(u, (nu,)).copy(), carray(s, (ns,)).copy())
+            first = written(found, y, ny)
+            return written(state, s, ns) if first == FINE else first
+        except Exception:  # noqa: BLE001
+            return RAISED
 
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")

@@ -17,6 +17,7 @@ from flexplant.loop.chain import chain_of
 from flexplant.loop.chain_step import chain_step
 from flexplant.loop.diagram import Diagram
 from flexplant.loop.hybrid import Split, is_sampled, split
+from flexplant.loop.modal_split import with_modes_apart
 from flexplant.loop.ports import Block
 from flexplant.loop.warped_chain import Pieces, free_name, warped_chain
 from flexplant.loop.warped_modes import warped_space
@@ -56,9 +57,10 @@ def warped(diagram: Diagram, dt: float, *, minimal: bool = True) -> Diagram:
         nowhere = free_name("unused", blocks)
         blocks[nowhere] = static(np.zeros((0, len(unused))), inputs=unused, outputs=[])
         inputs |= {name: [f"{nowhere}.{name}"] for name in unused}
-    return Diagram(
+    whole = Diagram(
         blocks=blocks, connections=wires, inputs=inputs, outputs=outputs, allow_algebraic_loops=True, name=diagram.name
     )
+    return with_modes_apart(whole)
 
 
 def _wires(diagram: Diagram, parts: Split, pieces: Pieces) -> tuple[list[tuple[str, str]], dict[str, list[str]], dict[str, str]]:
