@@ -8,6 +8,7 @@ import scipy.linalg as la
 import scipy.sparse as sp
 
 from flexplant.numerics.eigen import Pencil, Wanted, dense_lowest, shift_invert
+from flexplant.numerics.eigen_held import held_modes
 from flexplant.numerics.eigen_small import SURE, all_modes, is_dense, shapes, short_lanczos
 from flexplant.numerics.factorization import BandedFactor, analyze, factorize
 
@@ -158,3 +159,57 @@ def test_what_is_sure_ends_where_round_off_begins():
     omega2, _ = all_modes(factorize(k, backend="banded"), m)
     assert omega2[-1] < omega2[0] / SURE
     assert omega2.size == 60
+
+
+def held(k, m, wanted: Wanted, **options):
+    """Short modes of a pencil in a mixed order, which must not need the general way."""
+    k, m = (shuffled(sp.csr_array(x)) for x in (k, m))
+    analysis = analyze(k, backend="banded")
+    found = held_modes(analysis.factorize(k), Pencil(k, m, analysis), wanted, memory_limit=1e9, **options)
+    assert found is not None
+    np.testing.assert_allclose(found.vectors.T @ m @ found.vectors, np.eye(found.omega2.size), atol=1e-9)
+    wrong = np.linalg.norm(k @ found.vectors - m @ found.vectors * found.omega2, axis=0)
+    np.testing.assert_allclose(found.residuals * np.linalg.norm(k @ found.vectors, axis=0), wrong, rtol=1e-2, atol=1e-13)
+    assert found.residuals.max() < 3e-9
+    return found
+
+
+@pytest.mark.parametrize(("n", "modes"), [(240, 1), (330, 25), (330, 80), (520, 60)])
+def test_short_modes_of_random_pencils(n, modes):
+    k, m = chain(n, seed=n)
+    found = held(k, m, Wanted(modes, None))
+    assert found.proved
+    np.testing.assert_allclose(found.omega2, la.eigh(k.toarray(), m.toarray(), eigvals_only=True)[:modes], rtol=1e-10)
+
+
+@pytest.mark.parametrize(("copies", "modes"), [(3, 20), (8, 30), (26, 30)])
+def test_clusters_and_repeated_modes_are_all_found(copies, modes):
+    """Equal chains, all but one of which differ in the tenth digit: 26 times is more often than any first block is wide."""
+    k, m = chain(500 // copies)
+    scale = sp.diags_array(1 + 1e-10 * np.repeat(np.arange(copies) % 2, 500 // copies))
+    k, m = scale @ sp.block_diag([k] * copies), sp.csr_array(sp.block_diag([m] * copies))
+    found = held(k, m, Wanted(modes, None), verify_count=True)
+    assert found.proved
+    once = la.eigvalsh(*(x.toarray()[: 500 // copies, : 500 // copies] for x in (k, m)))
+    np.testing.assert_allclose(found.omega2, np.repeat(once, copies)[:modes], rtol=1e-9)
+
+
+def test_a_count_below_a_limit_says_how_many_modes_are_wanted():
+    k, m = chain(300)
+    values = la.eigh(k.toarray(), m.toarray(), eigvals_only=True)
+    limit = 0.5 * (values[33] + values[34])
+    for n_modes in (None, 50, 34, 10):
+        found = held(k, m, Wanted(n_modes, limit, 34))
+        np.testing.assert_allclose(found.omega2, values[: min(34, n_modes or 34)], rtol=1e-10)
+        assert found.proved
+    assert not held(k, m, Wanted(10, None), verify_count=False).proved
+
+
+def test_a_mass_on_few_rows_has_its_modes_found():
+    k, m = chain(400)
+    rows = sp.diags_array((np.arange(400) % 3 == 0).astype(float))
+    found = held(k, rows @ m @ rows, Wanted(30, None))
+    loaded = np.arange(0, 400, 3)
+    flexibility = la.inv(k.toarray())[np.ix_(loaded, loaded)]
+    theta = la.eigvalsh(la.inv(m.toarray()[np.ix_(loaded, loaded)]), flexibility)
+    np.testing.assert_allclose(found.omega2, theta[:30], rtol=1e-9)

@@ -59,6 +59,30 @@ def test_all_modes_kept_is_the_full_model():
     np.testing.assert_allclose(elastic_hz(component), elastic_hz(model), rtol=1e-9)
 
 
+def test_the_smallest_models_keep_all_their_modes():
+    for n in (2, 3, 4, 6, 11, 21):
+        model = chain(n)
+        component = fp.craig_bampton(model, [(n // 2 + 1, 1)], n_modes=n - 1)
+        assert component.report.proved
+        np.testing.assert_allclose(elastic_hz(component), elastic_hz(model), rtol=1e-9)
+
+
+@pytest.mark.parametrize("small", [0, 3000])
+def test_parts_of_the_matrices_follow_the_order_of_the_boundary(monkeypatch, small):
+    from flexplant.reduction import partition
+
+    monkeypatch.setattr(partition, "SMALL", small)
+    model, boundary = beam(), [(31, 6), (1, 2), (16, 2), (1, 6)]
+    part = partition.Partition.of(model, boundary)
+    b = model.dofs.rows(boundary)
+    i = np.setdiff1d(np.arange(62), b)
+    for whole, parts in ((model.stiffness, part.stiffness), (model.mass, part.mass)):
+        full = whole.toarray()
+        for mine, rows, columns in zip(parts, (i, i, b), (i, b, b), strict=True):
+            np.testing.assert_array_equal(mine.toarray() if sp.issparse(mine) else mine, full[np.ix_(rows, columns)])
+    assert not (part.kii.data == 0).any()
+
+
 def test_standard_form_and_free_motion():
     component = fp.craig_bampton(beam(), [(1, "26"), (31, "26")], n_modes=5, residual_vectors=2)
     n_b = component.n_boundary
