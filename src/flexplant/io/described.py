@@ -5,15 +5,17 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from flexplant.errors import ReadError
-from flexplant.io.parse.own_plant import Plant
 from flexplant.io.plausibility import Model, first_frequencies, plausibility, quantities
-from flexplant.io.read_reference import Units, read_reference, read_response_functions
 from flexplant.model.component import Component
 from flexplant.model.display import DisplayMesh
-from flexplant.plant.modal import ModalPlant
+
+if TYPE_CHECKING:
+    from flexplant.io.parse.own_plant import Plant
+    from flexplant.io.universal_files import Units
+    from flexplant.plant.modal import ModalPlant
 
 SHOWN = 12
 Rows = list[tuple[object, ...]]
@@ -87,6 +89,8 @@ def mesh_rows(mesh: DisplayMesh) -> Rows:
 
 def plant_rows(plant: Plant) -> Rows:
     """Of a plant: modes or states, channels, what it was made of."""
+    from flexplant.plant.modal import ModalPlant
+
     rows: Rows = [("kind", type(plant).__name__), ("name", plant.name), *_origin_rows(plant.source)]
     if isinstance(plant, ModalPlant):
         rows += [("modes", f"{plant.n_modes}, {plant.n_rigid} rigid"), ("first frequencies [Hz]", _hertz(plant))]
@@ -106,6 +110,8 @@ def _some(values: Any) -> str:
 
 def reference_rows(path: Path, units: Units | None = None) -> Rows:
     """What a universal file holds of reference modes and of functions; its ReadError where it holds neither."""
+    from flexplant.io.universal_files import read_reference, read_response_functions
+
     functions = read_response_functions(path, units=units)
     try:
         modes = [read_reference(path, component="file", units=units)]

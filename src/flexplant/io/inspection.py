@@ -5,19 +5,20 @@ from __future__ import annotations
 import warnings
 from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from flexplant.errors import InputError, PlausibilityWarning, ReadError
 from flexplant.io.described import Rows, mesh_rows, model_rows, plant_rows, reference_rows, result_rows
-from flexplant.io.output import dropped, read_plant, without, write_component, write_model, write_plant
 from flexplant.io.parse.files import as_path, read_head
 from flexplant.io.parse.h5 import SIGNATURE
-from flexplant.io.parse.own_plant import Plant
 from flexplant.io.plausibility import Model
 from flexplant.io.registry import Units, read_component, read_geometry, read_model, recognise
 from flexplant.io.write.ownership import is_file, written_as
 from flexplant.model.component import Component
-from flexplant.verification.checks import Table
+from flexplant.model.table import Table
+
+if TYPE_CHECKING:
+    from flexplant.io.parse.own_plant import Plant
 
 NETCDF, UNIVERSAL = (".nc", ".nc4"), b"    -1"
 
@@ -69,6 +70,8 @@ def convert(
     """
     if as_path(target).resolve() == as_path(path).resolve():
         raise InputError(f"{path} is that file already; name another target")
+    from flexplant.io.output import dropped, without, write_component, write_model, write_plant
+
     drop = dropped(drop)
     if not (read_options is None or isinstance(read_options, Mapping)):
         raise InputError(f"convert: read_options must be a mapping such as {{'superelement': 101}}, got {read_options!r:.60}")
@@ -99,6 +102,8 @@ def read_any(
         else:
             return model
     if format is None:
+        from flexplant.io.output import read_plant
+
         try:
             return read_plant(path)
         except ReadError as error:

@@ -17,7 +17,6 @@ from flexplant.errors import InputError, PlausibilityWarning, SolverError, expec
 from flexplant.io.parse.files import one_line
 from flexplant.model.component import Component, FiniteElementModel
 from flexplant.model.geometry import rigid_body_vectors
-from flexplant.modes import normal_modes
 
 Model = Component | FiniteElementModel
 RANGES = {
@@ -89,6 +88,8 @@ def rigid_mass(model: Model) -> float | None:
 
 def first_frequencies(model: Model, count: int) -> tuple[list[float], str]:
     """The first natural frequencies of the model as it is, Hz; empty where they cannot be computed, and then why."""
+    from flexplant.modes import normal_modes  # not before it is needed: most reading never asks
+
     try:
         modes = normal_modes(model, n_modes=None if len(model.dofs) <= FEW else count)
     except (SolverError, InputError) as error:  # an indefinite mass, a massless mechanism; fewer finite modes than that

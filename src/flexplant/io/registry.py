@@ -25,7 +25,6 @@ from flexplant.model.component import Component, FiniteElementModel, check_name
 from flexplant.model.damping import DampingRatio, with_modal_damping
 from flexplant.model.display import DisplayMesh
 from flexplant.model.units import SI, UNSTATED, UnitSystem, component_to_si, model_to_si, unit_system
-from flexplant.reduction.reduced import ReducedComponent
 
 Units = str | UnitSystem | tuple[float, float]
 
@@ -125,9 +124,9 @@ def _said_to_be_si(component: Component) -> Component:
     """The same numbers, which the caller says are in SI."""
     if component.units == SI.name:
         return component
-    if isinstance(component, ReducedComponent) and component.reduced_units == component.units:
-        return replace(component, units=SI.name, reduced_units=SI.name)
-    return replace(component, units=SI.name)
+    same = getattr(component, "reduced_units", None) == component.units  # of a reduced one, whose module need not be loaded
+    units: dict[str, Any] = {"units": SI.name} | ({"reduced_units": SI.name} if same else {})
+    return replace(component, **units)
 
 
 def _component_in_si(component: Component, units: UnitSystem) -> Component:

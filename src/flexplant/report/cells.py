@@ -7,7 +7,7 @@ from numbers import Integral, Real
 
 import numpy as np
 
-from flexplant.verification.checks import Table
+from flexplant.model.table import Table
 
 DIGITS = 6
 

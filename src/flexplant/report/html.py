@@ -17,9 +17,10 @@ from plotly.offline import get_plotlyjs
 
 from flexplant.errors import InputError
 from flexplant.io.write.atomic import replacing
+from flexplant.model.table import Table
 from flexplant.report.cells import is_digest, number_columns, number_text
 from flexplant.report.structure import StructureView
-from flexplant.verification.checks import CheckReport, Table
+from flexplant.verification.checks import CheckReport
 
 
 @dataclass(frozen=True, eq=False)

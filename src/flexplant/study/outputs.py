@@ -17,7 +17,8 @@ from flexplant.assembly import System
 from flexplant.errors import InputError, WriteError, nearest
 from flexplant.io import read_plant, write_plant
 from flexplant.io.output import check_target, plant_endings, writers
-from flexplant.io.parse.own import HEADER, header_text
+from flexplant.io.parse.own import header_text
+from flexplant.io.parse.own_readers import HEADER
 from flexplant.io.write.atomic import replacing
 from flexplant.io.write.ownership import check_replaced, files_of
 

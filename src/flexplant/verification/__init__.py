@@ -1,6 +1,7 @@
 """Checks that return values: free-free modes, mass properties, compatibility, comparison with a reference."""
 
-from flexplant.verification.checks import Check, CheckReport, Table
+from flexplant.model.table import Table
+from flexplant.verification.checks import Check, CheckReport
 from flexplant.verification.comparison import Comparison, Reference, compare_modes
 from flexplant.verification.free_free import undeflated_hz
 from flexplant.verification.mass import MassProperties, mass_properties

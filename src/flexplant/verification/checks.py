@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 from flexplant.errors import CheckFailedError, InputError, expect, nearest
 from flexplant.model.arrays import checked_switch, is_number, items_of
+from flexplant.model.table import Table, aligned
 
 
 @dataclass(frozen=True)
@@ -27,18 +28,6 @@ class Check:
             if not is_number(getattr(self, kind)):
                 raise InputError(f"check {self.name!r}: {kind} must be a number, got {getattr(self, kind)!r:.60}")
         checked_switch(self.passed, f"check {self.name!r}: passed")
-
-
-@dataclass(frozen=True)
-class Table:
-    """A titled table of text and numbers; `str(table)` aligns the columns."""
-
-    title: str
-    columns: tuple[str, ...]
-    rows: tuple[tuple[object, ...], ...]
-
-    def __str__(self) -> str:
-        return f"{self.title}\n{aligned([self.columns, *self.rows])}"
 
 
 @dataclass(frozen=True)
@@ -83,19 +72,3 @@ class CheckReport:
         rows += [(c.name, c.value, c.limit, c.unit, "ok" if c.passed else "FAILED", c.explanation) for c in self.checks]
         parts = [aligned(rows), *(str(t) for t in self.tables), *(f"Note: {n}" for n in self.notes)]
         return "\n\n".join(parts)
-
-
-def cell(value: object) -> str:
-    """Text of one table cell: numbers to 7 digits, the rest as it is."""
-    if isinstance(value, bool) or not isinstance(value, (float, int)):
-        return str(value)
-    return f"{value:.7g}"
-
-
-def aligned(rows: Sequence[Sequence[object]]) -> str:
-    """Rows (the first is the heading) in aligned columns."""
-    text = [[cell(v) for v in row] for row in rows]
-    widths = [max(len(row[i]) for row in text) for i in range(len(text[0]))]
-    lines = ["  ".join(c.ljust(w) for c, w in zip(row, widths, strict=True)).rstrip() for row in text]
-    rule = "-" * max(len(lines[0]), sum(widths) + 2 * (len(widths) - 1))
-    return "\n".join([lines[0], rule, *lines[1:]])

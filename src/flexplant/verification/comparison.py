@@ -13,8 +13,8 @@ import scipy.sparse as sp
 from flexplant.assembly import System
 from flexplant.errors import InputError, expect_text, nearest
 from flexplant.model.arrays import FloatArray, checked_matrix, dense, frozen, is_number, items_of, real_values
+from flexplant.model.table import Table
 from flexplant.modes import Modes
-from flexplant.verification.checks import Table
 
 CLUSTER = 2e-3  # relative gap below which neighbouring modes may mix, so that only their subspaces compare
 

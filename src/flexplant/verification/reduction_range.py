@@ -9,10 +9,11 @@ from typing import NamedTuple
 import numpy as np
 
 from flexplant.assembly import System
+from flexplant.model.table import Table
 from flexplant.modes import Modes, normal_modes
 from flexplant.reduction.coverage import MARGIN, Coverage, coverage, shortfall
 from flexplant.reduction.reduced import can_estimate
-from flexplant.verification.checks import Check, Table
+from flexplant.verification.checks import Check
 from flexplant.verification.reduction_error import ErrorEstimate, estimate_error
 
 ROWS = 60  # modes in the table

@@ -11,10 +11,11 @@ from flexplant.assembly import System, coupled_stiffness_scale, stiffness_scale,
 from flexplant.errors import InputError, expect, expect_count
 from flexplant.model.arrays import FloatArray, dense, is_finite
 from flexplant.model.component import Component
+from flexplant.model.table import Table
 from flexplant.modes import Modes, expect_modes_of, normal_modes
 from flexplant.numerics.rank import lowest_eigenvalue, split_semidefinite
 from flexplant.verification.agreement import agreement_checks
-from flexplant.verification.checks import Check, CheckReport, Table
+from flexplant.verification.checks import Check, CheckReport
 from flexplant.verification.comparison import as_reference, compare_modes
 from flexplant.verification.free_free import ENERGY_LIMIT, free_free
 from flexplant.verification.mass import MassProperties, combined, mass_properties

@@ -17,6 +17,7 @@ import numpy as np
 from flexplant.errors import ModelError, ReadError
 from flexplant.io.parse.files import one_line
 from flexplant.io.parse.npz_matrices import csr_matrix, pack_matrix
+from flexplant.io.parse.own_readers import HEADER
 from flexplant.io.parse.own_reduction import dofs_of, pack_reduction, pairs_of, reduced_component, reduction_texts
 from flexplant.model.arrays import Matrix, frozen
 from flexplant.model.component import Component, FiniteElementModel
@@ -24,7 +25,7 @@ from flexplant.model.geometry import Nodes
 from flexplant.model.recovery import Recovery
 from flexplant.model.units import UNSTATED
 
-HEADER, VERSION = "flexplant", 2  # 2: components with structural damping or interior rows, which 1 would leave out silently
+VERSION = 2  # 2: components with structural damping or interior rows, which 1 would leave out silently
 RECOVERY_KINDS = ("displacement", "velocity", "acceleration")
 Arrays = dict[str, Any]
 Built = TypeVar("Built", Component, FiniteElementModel)

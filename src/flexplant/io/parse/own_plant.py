@@ -13,7 +13,8 @@ import scipy.sparse as sp
 from flexplant.errors import InputError, ModelError, ReadError
 from flexplant.io.parse.files import one_line
 from flexplant.io.parse.npz_matrices import csr_matrix, pack_matrix
-from flexplant.io.parse.own import HEADER, Arrays, header_text, read_header
+from flexplant.io.parse.own import Arrays, header_text, read_header
+from flexplant.io.parse.own_readers import HEADER
 from flexplant.model.arrays import FloatArray
 from flexplant.plant.modal import ModalPlant
 from flexplant.plant.state_space import Descriptor, StateSpace

@@ -6,8 +6,7 @@ from pathlib import Path
 
 from flexplant.io.formats import Format
 from flexplant.io.parse.h5 import SIGNATURE, header_of, read_h5
-from flexplant.io.parse.own import HEADER
-from flexplant.io.parse.own_readers import own_readers
+from flexplant.io.parse.own_readers import HEADER, own_readers
 
 NAME = "flexplant_h5"
 
