@@ -14,11 +14,13 @@ from flexplant.blocks.delay import sample_delay
 from flexplant.blocks.sampled import saturation
 from flexplant.blocks.transfer_function import transfer_function
 from flexplant.errors import DiagramError, InputError
-from flexplant.loop import norms
+from flexplant.loop import modal_split, norms
 from flexplant.loop.breaking import cut_open
 from flexplant.loop.broken import BrokenLoops
+from flexplant.loop.close import close
 from flexplant.loop.diagram import Diagram
 from flexplant.loop.discretize import discretize
+from flexplant.loop.frequency import frequency_response
 from flexplant.loop.hybrid import hybrid_of
 from flexplant.loop.loop_response import loop_margins, loop_response
 from flexplant.loop.monodromy import multipliers
@@ -129,6 +131,25 @@ def test_margins_and_peaks_in_the_dense_form(name, monkeypatch):
         turns = (fine.imag[1:] * fine.imag[:-1] < 0) & (fine.real[1:] < 0) & (fine.real[:-1] < 0)
         assert np.count_nonzero(np.diff(np.sign(abs(fine) - 1))) <= loop.gain_crossings_hz.size
         assert np.count_nonzero(turns) <= loop.phase_crossings_hz.size
+
+
+@pytest.mark.parametrize("name", ["three rates", "analog loop inside", "all digital", "two loops"])
+def test_large_state_spaces_are_split_into_their_modes(name, monkeypatch):
+    """The same loop gain and the same peak, with each state space as modes and a rest."""
+    diagram, at = LOOPS[name]
+    dt, signals = rates(name)[0], [at] if isinstance(at, str) else at
+    whole = BrokenLoops(diagram, signals)
+    monkeypatch.setattr(modal_split, "LARGE", 0)
+    split = BrokenLoops(diagram, signals)
+    if name != "two loops":
+        assert any(block.startswith(("loop modes", "behind modes", "plant modes")) for block in split.opened.blocks)
+    hz = whole.asked(np.array([4e-3, 0.04, 0.21, 0.48]) / dt)
+    assert abs(split.gain(hz) - whole.gain(hz)).max() <= 1e-9 * abs(whole.gain(hz)).max()
+    for kind in ("S", "half"):
+        values = [frequency_response(loops.closed(kind), hz).values for loops in (split, whole)]
+        assert abs(values[0] - values[1]).max() <= 1e-8 * abs(values[1]).max()
+    poles = np.linalg.eigvals(close(split.closed("S")).A)
+    assert (poles.real < 0).all() == (abs(multipliers(hybrid_of(diagram), *rates(name)[1:])) < 1).all()
 
 
 def inverse_of_one_and(L):

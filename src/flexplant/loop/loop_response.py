@@ -43,8 +43,13 @@ def loop_response(diagram: Diagram, at: str | Sequence[str], frequency_hz: npt.A
     (frequency) = 1 / sigma_max((S - T) / 2). From `loop_margins`, refined beyond the grid: `gain_margin_db`, `gain_reduction_db`,
     `phase_margin_deg`, `delay_margin_s` (signal), and `disk_margin`, `disk_margin_hz`, `disk_gain_low`, `disk_gain_high`,
     `disk_phase_deg`, `S_peak`, `S_peak_hz`, `T_peak`, `T_peak_hz`, `stable`.
-    Raises InputError for signals that drive nothing, frequencies that are bad or lie on an undamped pole; DiagramError (with the
-    nearest name) for signals that do not exist, and for nonlinear or mixed-rate diagrams.
+    A loop with digital blocks is broken where its signal is sampled: at an input or an output of digital blocks (gains in between
+    do not matter). L is then its exact pulse transfer function L(z), plants sampled under held inputs, delays included, up to
+    the Nyquist frequency; blocks of several sample times are lifted over their common period, at which the signal must be
+    sampled. The attributes `sampling` and `sample_time_s` say so; a delay margin in samples is delay_margin_s / sample_time_s.
+    Raises InputError for signals that drive nothing, frequencies that are bad, above the Nyquist frequency or on an undamped
+    pole, and signals at which a loop with digital blocks varies in time, naming those at which it does not; DiagramError (with
+    the nearest name) for signals that do not exist, and for nonlinear diagrams.
     """
     loops = BrokenLoops(diagram, checked_signals(diagram, at))
     wanted = None if frequency_hz is None else _checked_range(checked_frequencies(frequency_hz), loops.dt)
