@@ -181,19 +181,42 @@ def test_random_numbers_stay_under_the_seed_of_numpy():
     assert found.outputs[2, 0] == np.random.normal()  # noqa: NPY002
 
 
-@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning", "ignore:invalid value")
+def outside(t, u):
+    return np.array([u[1 if t > 0.5 else 0]])
+
+
+def silent(t, u):
+    return None if t > 0.5 else 0.25
+
+
+@pytest.mark.filterwarnings("ignore:invalid value")
 @pytest.mark.parametrize(
-    ("function", "error", "message"),
+    ("function", "message"),
     [
-        (lambda t, u: np.zeros(2), InputError, r"at t = 0 s: shapes \(2,\), \(0,\)"),
-        (lambda t, u: np.sqrt(u - u - (t > 0.5)), InputError, r"at t = 0\.501 s: returned values that are not finite"),
-        (lambda t, u: np.array([1.0 / (0.0 if t > 0.5 else 1.0)]), ZeroDivisionError, "division by zero"),
+        (lambda t, u: np.zeros(2), r"at t = 0 s: shapes \(2,\), \(0,\)"),
+        (lambda t, u: np.sqrt(u - u - (t > 0.5)), r"at t = 0\.501 s: returned values that are not finite"),
+        (
+            lambda t, u: np.array([1.0 / (0.0 if t > 0.5 else 1.0)]),
+            r"at t = 0\.501 s: the function raised ZeroDivisionError: .*zero",
+        ),
+        (outside, r"at t = 0\.501 s: the function raised IndexError: index .*is out of bounds"),
+        (silent, r"at t = 0\.501 s: the function returned None; return values on every path"),
     ],
 )
-def test_a_compiled_function_fails_as_in_python(function, error, message):
+def test_a_compiled_function_fails_as_in_python(function, message, capfd):
     for compiled in (numba.njit(function), function):
-        with pytest.raises(error, match=message):
+        with pytest.raises(InputError, match=rf"^user block '\w+' {message}"):
             with_function(compiled, nt=600, initial=None)
+    assert not capfd.readouterr().err
+
+
+def test_a_compiled_function_may_not_write_outside_its_state():
+    def law(t, u, x):
+        x[2] = t
+        return u, x
+
+    with pytest.raises(InputError, match=r"IndexError: index 2 is out of bounds for axis 0 with size 1"):
+        with_function(law)
 
 
 @pytest.mark.parametrize("rate", [1, 3])

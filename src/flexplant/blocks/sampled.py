@@ -9,17 +9,20 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 import numpy.typing as npt
 
 from flexplant.errors import InputError, expect_count, expect_text
 from flexplant.model.arrays import FloatArray, is_finite, real_values
+from flexplant.numerics.compiled import is_compiled, with_checked_indices
 from flexplant.plant.fields import checked_names, checked_units
 
 UserFunction = Callable[[float, FloatArray, FloatArray], tuple[FloatArray, FloatArray]]
 SATURATION, DEAD_ZONE, QUANTISER, RATE_LIMITER, USER = "saturation", "dead zone", "quantiser", "rate limiter", "function"
 MAX_CHANNELS = 1_000_000
+FAULTS = (ArithmeticError, AssertionError, AttributeError, LookupError, NameError, RuntimeError, TypeError, ValueError)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -114,8 +117,9 @@ def user_block(
 
     A function that is decorated with numba.njit is compiled into the loop; so is, in each run of thousands of samples, any other
     that numba can compile (it must not change anything outside itself). The rest is called in Python at each of its samples, tens
-    of microseconds a call; the result's attribute `called_in_python` names those. Raises InputError naming the block and the
-    instant where it returns a wrong shape or values that are not finite.
+    of microseconds a call; the result's attribute `called_in_python` names those. Compiled or not, indices are checked against
+    the arrays (in compiled functions that it calls, numba checks them only where they ask for it). Raises InputError naming the
+    block and the instant where the function raises an error, or returns a wrong shape or values that are not finite.
     """
     if not callable(function):
         raise InputError(f"user block {name!r:.60}: {function!r:.60} cannot be called; give function(t, u) -> y")
@@ -124,9 +128,15 @@ def user_block(
     if state.ndim != 1 or not np.isfinite(state).all():
         raise InputError(f"user block {name!r:.60}: initial of shape {state.shape}; a list of finite numbers is needed")
     stateless = initial is None
+    law = _checked_law(function) if is_compiled(function) else function
 
     def respond(t: float, u: FloatArray, x: FloatArray) -> tuple[FloatArray, FloatArray]:
-        found = (function(t, u), x) if stateless else function(t, u, x)
+        try:
+            found = (law(t, u), x) if stateless else law(t, u, x)
+        except FAULTS as error:
+            raise InputError(
+                f"user block {name!r} at t = {t:.9g} s: the function raised {type(error).__name__}: {error}"
+            ) from error
         return _checked_response(found, (len(outputs), x.size), name, t)
 
     none = np.zeros(len(outputs))
@@ -137,7 +147,7 @@ def user_block(
         low=none,
         high=none,
         function=respond,
-        own=function,
+        own=law,
         takes_state=not stateless,
         initial=state,
         dt=dt,
@@ -147,10 +157,15 @@ def user_block(
     )
 
 
+_checked_law = lru_cache(maxsize=64)(with_checked_indices)  # so that blocks of one function share what is compiled
+
+
 def _checked_response(found: object, sizes: tuple[int, int], name: str, t: float) -> tuple[FloatArray, FloatArray]:
     if not isinstance(found, tuple) or len(found) != 2:
         raise InputError(f"user block {name!r} at t = {t:.9g} s: return (y, new state), got {type(found).__name__}")
-    y, x = (np.atleast_1d(np.asarray(part, dtype=float)) for part in found)
+    if found[0] is None or found[1] is None:
+        raise InputError(f"user block {name!r} at t = {t:.9g} s: the function returned None; return values on every path")
+    y, x = (np.atleast_1d(real_values(part, f"user block {name!r} at t = {t:.9g} s: returned")) for part in found)
     if (y.shape, x.shape) != ((sizes[0],), (sizes[1],)):
         raise InputError(
             f"user block {name!r} at t = {t:.9g} s: shapes {y.shape}, {x.shape} for ({sizes[0]},) outputs, ({sizes[1]},) states"

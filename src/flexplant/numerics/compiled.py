@@ -54,3 +54,17 @@ def compiled(function: Callable[..., Any], **more: Any) -> Any:
 def inlined(function: Callable[..., Any]) -> Any:
     """`function` compiled into its callers: an array costs ten arguments to hand over, more than a short loop takes."""
     return compiled(function, forceinline=True)
+
+
+def is_compiled(function: object) -> bool:
+    """True for a function that its author has decorated with numba.njit."""
+    return hasattr(function, "py_func") and hasattr(function, "signatures")
+
+
+def with_checked_indices(function: Callable[..., object]) -> Any:
+    """The function compiled so that an index outside an array is an error, not a read of what lies there."""
+    given = getattr(function, "targetoptions", {})
+    if given.get("boundscheck"):
+        return function
+    nb: Any = numba()
+    return nb.jit(**{"nopython": True} | given | {"boundscheck": True})(getattr(function, "py_func", function))
