@@ -137,24 +137,38 @@ def test_mistakes_name_component_key_and_line(folder, old, new, line, said):
 
 
 @pytest.mark.parametrize(
-    ("study", "old", "new", "said"),
+    ("study", "old", "new", "line", "said"),
     [
-        ("characteristic", "radius_m: 0.06", "patch: [1-3, 900]", "interface_nodes.0 (node 9001): model 'plate' has no node 900"),
-        ("characteristic", "97-108", "1-40", "node 17 is in the patch of interface node 9001"),
+        (
+            "characteristic",
+            "radius_m: 0.06",
+            "patch: [1-3, 900]",
+            11,
+            "interface_nodes.0 (node 9001): model 'plate' has no node 900",
+        ),
+        ("characteristic", "97-108", "1-40", 8, "node 17 is in the patch of interface node 9001"),
         (
             "characteristic",
             'keep: [[9001, "123456"]]',
             "keep: [[5, '1']]",
+            15,
             "characteristic_modes: component 'plate' has no node 5",
         ),
-        ("rubin", '[[9001, "123456"]]', '[[9001, "123"]]', "reduce: model 'plate': with the boundary held the interior still"),
-        ("pair", "n_modes: 12}}", "n_modes: 37}}", "connections.0.characteristic_modes: characteristic_interface: 37 modes of"),
-        ("pair", 'directions: "123", ', 'directions: "123", stiffness: [1, 1, 1], ', "those of a rigid interface"),
-        ("rubin", "plate.npz", "plate.npz\n    damping: [0.1, 0.1]", "components.plate.reduce: component 'plate': damping"),
+        ("rubin", '[[9001, "123456"]]', '[[9001, "123"]]', 8, "reduce: model 'plate': with the boundary held the interior still"),
+        (
+            "pair",
+            "n_modes: 12}}",
+            "n_modes: 37}}",
+            16,
+            "connections.0.characteristic_modes: characteristic_interface: 37 modes of",
+        ),
+        ("pair", '"123", char', '"123", stiffness: [1, 1, 1], char', 15, "those of a rigid interface"),
+        ("rubin", "plate.npz", "plate.npz\n    damping: [0.1, 0.1]", 9, "components.plate.reduce: component 'plate': damping"),
     ],
 )
-def test_what_only_the_model_tells_names_the_key_too(folder, study, old, new, said):
+def test_what_only_the_model_tells_names_the_key_too(folder, study, old, new, line, said):
     with pytest.raises(FlexplantError) as caught:
         changed(folder, study, (old, new))
+    assert f"changed.yaml, line {line}: " in str(caught.value)
     assert said in str(caught.value)
     assert "\n" not in str(caught.value)

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import difflib
+import re
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -13,7 +15,7 @@ from ruamel.yaml import YAML
 from ruamel.yaml.error import MarkedYAMLError, YAMLError
 from ruamel.yaml.nodes import MappingNode, Node, ScalarNode, SequenceNode
 
-from flexplant.errors import StudyError, nearest
+from flexplant.errors import InputError, SolverError, StudyError, nearest
 from flexplant.io.parse.files import as_path
 from flexplant.study.schema import StudySpec
 
@@ -41,6 +43,20 @@ def load_study(path: str | Path, *, allow_outside: bool = False) -> StudySpec:
         told = sorted((_line(lines, place), text) for place, text in problems)
         raise StudyError(*(f"{path}, line {line}: {text}" for line, text in told[:MAX_PROBLEMS]))
     return study
+
+
+@contextmanager
+def lines_of(path: Path) -> Iterator[None]:
+    """Errors inside that begin with a key of the study file, "components.bus.reduce: ...", are told with its line."""
+    try:
+        yield
+    except (InputError, SolverError) as error:
+        text = str(error)
+        key = re.match(r"((?:components|connections)\.[^\s:]+)[:\s]", text)
+        if key is None:
+            raise
+        place = tuple(int(part) if part.isdecimal() else part for part in key[1].split("."))
+        raise type(error)(f"{path}, line {_line(_read_yaml(path)[1], place)}: {text}") from None
 
 
 def _unknown_components(study: StudySpec) -> Iterator[tuple[Place, str]]:

@@ -18,7 +18,7 @@ from flexplant.study.assemble import assemble, files_read, read_components
 from flexplant.study.display import shape_notes, structure_view
 from flexplant.study.grid import frequency_grid
 from flexplant.study.line_of_sight import line_of_sight
-from flexplant.study.load import load_study
+from flexplant.study.load import lines_of, load_study
 from flexplant.study.outputs import output_folder, refuse_sources
 from flexplant.study.plant import build_plant
 from flexplant.study.provenance import provenance
@@ -63,10 +63,12 @@ def run_study(
 def _result(study: StudySpec, path: Path, steps: _Steps) -> StudyResult:
     folder = path.parent
     steps("reading the components", 0.0)
-    components = read_components(study, folder, steps.reducing)
+    with lines_of(path):
+        components = read_components(study, folder, steps.reducing)
     component_checks = {c.name: check_component(c) for c in components}
     steps("coupling", 0.03)
-    system = assemble(study, components)
+    with lines_of(path):
+        system = assemble(study, components)
     modes = normal_modes(system, max_frequency_hz=_highest(study))
     steps("verifying", 0.06)
     checks, compared = check_system(study, folder, system, modes)
