@@ -14,7 +14,10 @@ from typing import Any
 __version__ = "0.1.0"
 
 _HOME = {
-    "errors": ("FlexplantError", "InputError", "ModelError", "CouplingError", "ReadError", "SolverError", "PlausibilityWarning"),
+    "errors": (
+        *("FlexplantError", "InputError", "ModelError", "CouplingError", "ReadError", "SolverError"),
+        *("LeftOutWarning", "PlausibilityWarning"),
+    ),
     "model.component": ("Component", "FiniteElementModel"),
     "model.damping": ("with_equivalent_viscous_damping", "with_modal_damping"),
     "model.dofs": ("DofSet",),

@@ -87,6 +87,10 @@ class PlausibilityWarning(UserWarning):
     """A file whose numbers are hardly those of a structure in the units that were given; nothing was changed."""
 
 
+class LeftOutWarning(UserWarning):
+    """A result that lacks a part which its form cannot hold; the message names it, and the form that holds it."""
+
+
 def expect(value: object, kind: type, what: str, remedy: str) -> None:
     """InputError unless `value` is a `kind`; `what` takes it, `remedy` says how one is made."""
     if not isinstance(value, kind):

@@ -7,12 +7,12 @@ import pytest
 from beam_systems import beam, one_beam_matrices, two_beams
 
 from flexplant.assembly import Connection, System, couple
-from flexplant.errors import InputError
+from flexplant.errors import InputError, LeftOutWarning
 from flexplant.model.component import Component
 from flexplant.modes import normal_modes
 from flexplant.plant.descriptor import descriptor
 from flexplant.plant.modal import modal_plant, select
-from flexplant.plant.state_space import Descriptor
+from flexplant.plant.state_space import Descriptor, state_space
 from flexplant.response.frequency import frequency_response
 
 HZ = np.array([8.0, 13.0, 55.5, 171.0, 400.0, 2100.0])
@@ -250,6 +250,45 @@ def test_a_massless_coordinate_is_static_compliance():
     assert plant.n_modes == 1
     assert np.allclose(frequency_response(plant, [0.0]).values[:, 0, 0], np.linalg.solve(K, [0.0, 1.0])[::-1], rtol=1e-12)
     assert plant.static_correction[0, 0] == pytest.approx(1 / 3e4, rel=1e-12)
+
+
+def massless_tip(*, damped=False) -> System:
+    """A wheel on a shaft to ground, and beyond it a shaft to a massless end; inputs there have no inertia to work against."""
+    K, Z = np.array([[2e4, -1e4, 0.0], [-1e4, 2e4, -1e4], [0.0, -1e4, 1e4]]), np.diag([3.0, 1.0, 0.0])
+    Z[0, 1] = Z[1, 0] = -1.0
+    ends = [(1, 4), (3, 4), (2, 4)]
+    order = np.ix_([0, 2, 1], [0, 2, 1])
+    part = Component(
+        name="c", mass=np.diag([1.0, 0.0, 0.3]), stiffness=K[order], boundary=ends, damping=Z[order] if damped else None
+    )
+    return couple([part], [])
+
+
+@pytest.mark.parametrize(("damped", "n_modes"), [(False, 2), (False, 1), (True, 2)])
+def test_rates_without_mass_are_fast_modes_or_a_warning(damped, n_modes):
+    """The descriptor holds s K_mm^-1 F exactly; fast modes at 1e4 times the highest frequency differ by 1e-4, in phase."""
+    system, hz = massless_tip(damped=damped), np.array([0.1, 2.0, 10.0])
+    names = ["c.3.4", "c.3.4:v", "c.3.4:a", "c.1.4:v", "c.2.4:a"]
+    given = {"inputs": ["c.3.4", "c.1.4"], "outputs": names}
+    exact = frequency_response(descriptor(system, **given), hz).values
+    damping = None if damped else 0.0
+    plant = modal_plant(system, **given, n_modes=n_modes, damping_ratio=damping, static_correction="modes")
+    assert (plant.damping is not None) == damped
+    assert (plant.report["residual_modes"], plant.report["massless_modes"]) == (2 + 2 - n_modes, 2)
+    assert plant.report["massless_hz"] == pytest.approx(1e4 * plant.frequency_hz[:-2].max())
+    found = frequency_response(plant, hz).values
+    tolerance = 2e-4 if n_modes == 2 else 0.1
+    assert (abs(found - exact).max(axis=1) < tolerance * abs(exact).max(axis=1)).all()
+    if n_modes == 2:
+        assert (abs(abs(found) - abs(exact)).max(axis=1) < 1e-6 * abs(exact).max(axis=1)).all()
+        assert np.allclose(found[0], exact[0], rtol=1e-11)
+    assert abs(state_space(plant).D).max() < 4  # 1 / 0.3: steps of an input do not jump into the accelerations
+    with pytest.warns(LeftOutWarning, match=r"'c\.3\.4' moves .* 'c\.3\.4:v' \(and 1 pairs more\) lacks .*descriptor") as told:
+        lacking = modal_plant(system, **given, damping_ratio=damping)
+    assert told[0].filename == __file__
+    assert "'c.3.4:v' (and 1 pairs more) lacks" in lacking.report["notice"]
+    silent = modal_plant(system, inputs=["c.3.4", "c.1.4"], outputs=["c.3.4", "c.1.4:v"], damping_ratio=0.0)
+    assert "lacks" not in silent.report.get("notice", "")
 
 
 def test_only_a_coupled_system_has_a_plant():

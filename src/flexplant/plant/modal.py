@@ -24,9 +24,9 @@ from flexplant.plant.channels import (
 )
 from flexplant.plant.damping import ModalDamping, check_choice, projected_damping, ratio_damping
 from flexplant.plant.fields import check_mapping, checked_dense, checked_names, checked_units, checked_vector
+from flexplant.plant.massless import with_rates
 from flexplant.plant.origin import origin
-from flexplant.plant.residual_modes import with_residual_modes
-from flexplant.plant.static_correction import residual_displacement
+from flexplant.plant.residual_modes import residual_of
 from flexplant.reduction.coverage import coverage, shortfall
 
 
@@ -164,7 +164,9 @@ def modal_plant(
     damping, Phi^T Z Phi. off_diagonal_damping: "keep" or "drop" what couples modes; `report` states it either way.
     static_correction: True adds the residual flexibility of all truncated modes to displacement outputs and interface forces as
     a direct term; "modes" adds it as residual modes, one an input at most, above the kept ones (see `residual_modes`): velocity
-    and acceleration outputs are corrected too, and y has no direct term; damping ratios apply to them as to modes.
+    and acceleration outputs are corrected too, and y has no direct term; damping ratios apply to them as to modes. Coordinates
+    without mass keep a direct term for displacements; their velocities and accelerations, which follow the input's derivatives,
+    are shown by fast modes ("modes", see `massless`) or left out with a `LeftOutWarning` (True).
     modes: those of an earlier normal_modes(system, ...), to save the solution.
     Raises InputError for unknown names or choices, and for structural damping without ratios in its place, SolverError
     where modes or static correction cannot be computed. `report` states up to where components reduced here are complete, with a
@@ -183,17 +185,18 @@ def modal_plant(
         modes = normal_modes(system, max_frequency_hz=max_frequency_hz, n_modes=n_modes)
     expect_modes_of(modes, system, "modal_plant")
     columns, rows = input_matrix(system, inputs), output_matrices(system, outputs)
-    kept, lacking = modes, None
+    kept, residual, as_modes = modes, None, static_correction == "modes"
     if static_correction and len(modes) < system.basis.shape[1]:
-        modes, lacking = _corrected(system, columns.matrix, modes, static_correction)
+        residual = residual_of(system, columns.matrix, modes)
+        modes = residual.modes if as_modes else modes
     shapes, omega = modes.shapes, modes.omega
     if damping_ratio is None:
         damping = projected_damping(system.uncoupled_damping, shapes, omega, off_diagonal_damping)
     else:
         damping = ratio_damping(damping_ratio, omega)
     acceleration = None if rows.acceleration is None else rows.acceleration @ shapes
-    correction = None if lacking is None else np.asarray(rows.displacement @ lacking)
-    return ModalPlant(
+    correction = None if residual is None else _direct_part(rows, residual.massless if as_modes else residual.displacement)
+    plant = ModalPlant(
         omega=omega,
         zeta=damping.zeta,
         damping=damping.matrix,
@@ -213,14 +216,11 @@ def modal_plant(
         | damping.report,
         source=origin(system),
     )
+    return plant if residual is None else with_rates(plant, system, columns, rows, residual.massless, as_modes)
 
 
-def _corrected(system: System, forces: Any, modes: Modes, how: bool | str) -> tuple[Modes, FloatArray | None]:
-    """(modes, with residual modes where these are asked; static displacement (n, nu) for the direct term, or None)."""
-    if how != "modes":
-        return modes, residual_displacement(system, forces, modes.omega, modes.shapes)
-    enriched, lacking = with_residual_modes(system, forces, modes)
-    return enriched, lacking if lacking.any() else None
+def _direct_part(rows: OutputRows, displacement: FloatArray) -> FloatArray | None:
+    return np.asarray(rows.displacement @ displacement) if displacement.any() else None
 
 
 def _kept_report(system: System, modes: Modes, residual_modes: int, correction: FloatArray | None) -> dict[str, Any]:
