@@ -47,6 +47,16 @@ def test_a_substructure_that_calculix_wrote() -> None:
         read_component(CALCULIX / "brick.mtx")
 
 
+def test_structural_damping_is_read_where_it_is_asked_for(tmp_path: Path) -> None:
+    """No public page shows it in such a file: an error, unless the caller says to take the words as they stand."""
+    k, m, d = (symmetric(8) for _ in range(3))
+    path = tmp_path / "job.mtx"
+    path.write_text(substructure({"STIFFNESS": k, "MASS": m, "STRUCTURAL DAMPING": d}))
+    np.testing.assert_allclose(read_component(path, structural="read").structural_damping, d, rtol=1e-13)
+    left = read_component(path, structural="ignore")
+    assert (left.structural_damping, left.source["unused"]) == (None, ["STRUCTURAL DAMPING"])
+
+
 def test_the_layout_of_abaqus(tmp_path: Path) -> None:
     """DOF lists that change at a node, comment lines of several lengths, mass and viscous damping."""
     k, m, c = (symmetric(8) for _ in range(3))
@@ -83,7 +93,7 @@ def test_retained_eigenmodes_become_modal(tmp_path: Path) -> None:
         (("3, 1, 6\n", ""), r"has 36 numbers; 9 DOF need 45"),
         (("TYPE=STIFFNESS\n", "TYPE=STIFFNESS\nnonsense,\n"), r"line 9.*text among the numbers"),
         (("TYPE=MASS", "TYPE=STIFFNESS"), "two matrices of one type"),
-        (("TYPE=MASS", "TYPE=STRUCTURAL DAMPING"), "structural='ignore'"),
+        (("TYPE=MASS", "TYPE=STRUCTURAL DAMPING"), "not documented; pass structural='read'.*'ignore'"),
         (("TYPE=STIFFNESS", "TYPE=LOAD"), "has no .MATRIX,TYPE=STIFFNESS; it holds LOAD, MASS"),
         (("*MATRIX,TYPE=MASS", "*USER ELEMENT, NODES=3\n*MATRIX,TYPE=MASS"), "has 2 .USER ELEMENT blocks"),
         (("101, 102,", "101, 1o2,"), r"line 5.*not a list of integers"),

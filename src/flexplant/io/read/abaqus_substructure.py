@@ -9,8 +9,9 @@
     *MATRIX,TYPE=MASS
 
 A node may be listed several times, each time with other DOF (CalculiX writes that). Source: Abaqus Keywords Reference,
-*USER ELEMENT, *MATRIX, *SUBSTRUCTURE MATRIX OUTPUT. How retained eigenmodes are numbered is not documented: nodes below 1
-are taken as modal, other ones must be named with modal_nodes=.
+*USER ELEMENT, *MATRIX, *SUBSTRUCTURE MATRIX OUTPUT; these name stiffness and mass only. How structural damping would be
+written is not documented, so a matrix of that type ends in an error unless it is asked for. Nor is how retained eigenmodes are
+numbered: nodes below 1 are taken as modal, other ones must be named with modal_nodes=.
 """
 
 from __future__ import annotations
@@ -21,13 +22,14 @@ from typing import Any
 
 import numpy as np
 
-from flexplant.errors import InputError, ReadError
+from flexplant.errors import ReadError
 from flexplant.io.formats import Format
 from flexplant.io.parse.abaqus_input import Block, deck_beside, keyword_blocks, nodes_at, read_nodes
 from flexplant.io.parse.files import one_line, provenance
 from flexplant.io.parse.listed_rows import listed_component
 from flexplant.io.parse.names import name_from
 from flexplant.io.parse.number_text import read_lines
+from flexplant.io.parse.structural import check_choice
 from flexplant.model.arrays import FloatArray
 from flexplant.model.component import Component
 from flexplant.model.dofs import DofSet
@@ -55,10 +57,10 @@ def read_component(
 
     geometry: the `.inp` with the nodes, None for the one whose stem begins this file's name. modal_nodes: numbers of nodes
     that hold retained eigenmodes. massless: take no mass where the file has none (MASS=YES was not asked for).
-    structural: "error" or "ignore" where it has structural damping, which has no place in a real Z.
+    structural: where it has a matrix TYPE=STRUCTURAL DAMPING: "error", since no public page describes one; "ignore" it; or "read"
+    it as D of K + i D, in the layout of the others, which is what the same words mean for Abaqus' global matrices.
     """
-    if structural not in ("error", "ignore"):
-        raise InputError(f"structural={structural!r}: use 'error' or 'ignore'")
+    check_choice(structural)
     blocks = _blocks(path)
     dofs = _dofs(path, blocks[0], _listed_nodes(path), {int(n) for n in modal_nodes})
     found = {_type(b): b for b in blocks[1:] if b.keyword == "MATRIX"}
@@ -67,8 +69,10 @@ def read_component(
             path, "holds two matrices of one type: element matrices are no substructure", record=f"line {blocks[0].line}"
         )
     if structural == "error" and (odd := [kind for kind in found if "STRUCTURAL" in kind]):
-        raise ReadError(path, f"has a matrix {odd[0]}; pass structural='ignore' to leave it out, and give modal damping")
-    matrices: dict[str, Any] = {k: _matrix(path, found[t], len(dofs)) if t in found else None for k, t in KINDS.items()}
+        advice = "pass structural='read' to take it as D of K + i D, or 'ignore' to leave it out, and give modal damping"
+        raise ReadError(path, f"has a matrix {odd[0]}, whose layout is not documented; {advice}")
+    kinds = KINDS | ({"structural_damping": "STRUCTURAL DAMPING"} if structural == "read" else {})
+    matrices: dict[str, Any] = {k: _matrix(path, found[t], len(dofs)) if t in found else None for k, t in kinds.items()}
     if matrices["stiffness"] is None:
         raise ReadError(path, f"has no *MATRIX,TYPE=STIFFNESS; it holds {', '.join(found) or 'no matrix'}")
     if matrices["mass"] is None:
@@ -79,7 +83,7 @@ def read_component(
     boundary = DofSet(dofs.node[dofs.direction > 0], dofs.direction[dofs.direction > 0])
     nodes = None if deck is None else nodes_at(path, read_nodes(deck), boundary)
     source = provenance(path, FORMAT.name, __name__, () if deck is None else (deck,))
-    source["unused"] = [kind for kind in found if kind not in KINDS.values()]
+    source["unused"] = [kind for kind in found if kind not in kinds.values()]
     return listed_component(path, matrices, dofs, nodes, name or name_from(path), source)
 
 

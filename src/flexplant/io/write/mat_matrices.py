@@ -19,11 +19,13 @@ from flexplant.io.write.atomic import replacing
 from flexplant.io.write.c_text import comment
 from flexplant.io.write.mat import save
 from flexplant.io.write.ownership import mark
+from flexplant.io.write.present import present_matrices
 from flexplant.model.component import Component
 from flexplant.model.geometry import Nodes
 from flexplant.model.units import UNIT_SYSTEMS, UNSTATED
 
 NAME = "mat_matrices"
+MATRICES = {kind: kind for kind in ("mass", "stiffness", "damping")}
 RATES = {"matrix": ("displacement", ""), "velocity": ("velocity", "_v"), "acceleration": ("acceleration", "_a")}
 
 
@@ -31,8 +33,8 @@ def write_component(component: Component, path: Path, *, target: Path) -> None:
     """The matrices at `path`, the sidecar beside `target`. InputError for units that no preset has."""
     if component.units not in (UNSTATED, *UNIT_SYSTEMS):
         raise InputError(f"component {component.name!r} is in {component.units!r}, which a sidecar cannot name; convert it to SI")
-    kinds = [kind for kind in ("mass", "stiffness", "damping") if getattr(component, kind) is not None]
-    variables: dict[str, Any] = {kind: _stored(getattr(component, kind)) for kind in kinds}
+    variables: dict[str, Any] = {name: _stored(matrix) for name, matrix in present_matrices(component, MATRICES)}
+    kinds = list(variables)
     variables["boundary"] = np.array(component.boundary.pairs, dtype=float).reshape(-1, 2)
     lines = [f"# {comment(component.name)}: {mark(NAME)}, what the rows of {comment(target.name)} are"]
     lines += [f"name: {json.dumps(component.name)}", f"matrices: {json.dumps({kind: kind for kind in kinds})}"]

@@ -14,28 +14,27 @@ import numpy as np
 from flexplant.io.formats import Writer
 from flexplant.io.parse.recovery_notes import notes_text
 from flexplant.io.write.nastran_recovery import recovery_notes, table_text
-from flexplant.io.write.nastran_text import geometry_text, grouped, large, modal_points, pairs_text
+from flexplant.io.write.nastran_text import geometry_text, large, listed_rows, pairs_text
 from flexplant.io.write.ownership import mark
+from flexplant.io.write.present import present_matrices, present_rows
 from flexplant.model.arrays import Matrix, dense
 from flexplant.model.component import Component
 
 NAME = "nastran_dmig"
-LETTERS = (("stiffness", "K"), ("mass", "M"), ("damping", "B"), ("structural_damping", "K4"))
+LETTERS = {"stiffness": "K", "mass": "M", "damping": "B", "structural_damping": "K4"}
 
 
 def write_component(component: Component, path: Path, *, suffix: str = "AAX") -> None:
     """The entries; suffix: of the matrices' names (KAAX, MAAX). Raises InputError for a component without node positions."""
-    points = modal_points(component)
+    points, listed = listed_rows(component)
     rows = [*component.boundary.pairs, *((point, 0) for point in points)]
     texts = [f"$ {component.name}\n$ {mark(NAME)}\n", geometry_text(component.nodes, component.boundary, points)]
-    texts.append(pairs_text("ASET", [*grouped(component.boundary), *((point, "0") for point in points)]))
-    for kind, letter in LETTERS:
-        if (matrix := getattr(component, kind)) is not None:
-            texts.append(dmig_text(letter + suffix, matrix, rows))
-    notes = recovery_notes(component, "T", tuple(letter + suffix for _, letter in LETTERS))
-    for note in notes:
-        if (matrix := component.recovery[note.name].displacement) is not None:
-            texts += [transposed_text(note.matrix, matrix, rows), table_text(note)]
+    names = {kind: letter + suffix for kind, letter in LETTERS.items()}
+    texts.append(pairs_text("ASET", listed))
+    texts += [dmig_text(name, matrix, rows) for name, matrix in present_matrices(component, names)]
+    notes = recovery_notes(component, "T", tuple(names.values()))
+    for note, matrix in present_rows(component, notes):
+        texts += [transposed_text(note.matrix, matrix, rows), table_text(note)]
     path.write_text("".join([*texts, notes_text(notes)]), encoding="utf-8")
 
 

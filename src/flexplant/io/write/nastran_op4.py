@@ -18,14 +18,15 @@ from flexplant.io.parse.files import read_head, sha256
 from flexplant.io.parse.recovery_notes import notes_text
 from flexplant.io.write.atomic import replacing
 from flexplant.io.write.nastran_recovery import recovery_notes, table_text
-from flexplant.io.write.nastran_text import geometry_text, grouped, modal_points, pairs_text
+from flexplant.io.write.nastran_text import geometry_text, listed_rows, pairs_text
 from flexplant.io.write.ownership import mark, written_as
+from flexplant.io.write.present import present_matrices, present_rows
 from flexplant.model.arrays import Matrix, dense
 from flexplant.model.component import Component
 
 NAME = "nastran_op4"
 SQUARE, RECTANGULAR, SYMMETRIC, REAL_DOUBLE = 1, 2, 6, 2
-MATRICES = (("stiffness", "KXX"), ("mass", "MXX"), ("damping", "BXX"), ("structural_damping", "K4XX"))
+MATRICES = {"stiffness": "KXX", "mass": "MXX", "damping": "BXX", "structural_damping": "K4XX"}
 
 
 def write_component(component: Component, path: Path, *, target: Path, superelement: int = 1) -> None:
@@ -33,19 +34,16 @@ def write_component(component: Component, path: Path, *, target: Path, superelem
 
     Raises InputError for a component without node positions.
     """
-    points = modal_points(component)
-    listed = [*grouped(component.boundary), *((point, "0") for point in points)]
+    points, listed = listed_rows(component)
     geometry = geometry_text(component.nodes, component.boundary, points)
     seconct = _seconct(superelement, [*component.boundary.nodes, *points])
     userin = _userin(superelement, listed, points, target.name)
     notes = recovery_notes(component)
     with path.open("wb") as stream:
-        for kind, name in MATRICES:
-            if (matrix := getattr(component, kind)) is not None:
-                stream.write(op4_matrix(name, matrix, SYMMETRIC))
-        for note in notes:
-            if (rows := component.recovery[note.name].displacement) is not None:
-                stream.write(op4_matrix(note.matrix, rows, RECTANGULAR))
+        for name, matrix in present_matrices(component, MATRICES):
+            stream.write(op4_matrix(name, matrix, SYMMETRIC))
+        for note, rows in present_rows(component, notes):
+            stream.write(op4_matrix(note.matrix, rows, RECTANGULAR))
     head = f"$ {component.name}\n$ {_mark(path)}\n"
     labels = "".join(map(table_text, notes)) + notes_text(notes)
     punched = pairs_text("EXTRN", listed) + geometry + labels

@@ -49,6 +49,12 @@ def modal_points(component: Component) -> list[int]:
     return [MODAL_ID_BASE + i + 1 for i in range(component.n_modal)]
 
 
+def listed_rows(component: Component) -> tuple[list[int], list[tuple[int, str]]]:
+    """Scalar point ids of the modal coordinates; and all rows as (id, components), boundary first, for EXTRN and ASET entries."""
+    points = modal_points(component)
+    return points, [*grouped(component.boundary), *((point, "0") for point in points)]
+
+
 def geometry_text(nodes: Nodes | None, boundary: DofSet, points: Iterable[int]) -> str:
     """GRID entries of the boundary nodes, CORD2R for those with their own axes, SPOINT for the modal coordinates."""
     if nodes is None:
