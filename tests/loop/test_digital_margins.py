@@ -295,6 +295,15 @@ FAST_AND_SLOW = servo(dt=4 * T, second=transfer_function([-9.0], [1.0, -0.3], dt
             "mode 0 .counted from 0. at 500 Hz has no damping",
         ),
         (servo(law=transfer_function([-1.0], [1.0, 1.0], dt=T)), "plant.y", InputError, "pole at z = -1"),
+        (
+            Diagram(
+                blocks={"law": transfer_function([-1.5], [1.0, -0.5], dt=T), "one": gain(1.0)},
+                connections=[("law.y", "one.u"), ("one.y", "law.u")],
+            ),
+            "law.y",
+            InputError,
+            "closed at law.y has a pole at z = -1 .the Nyquist frequency, 500 Hz.",
+        ),
     ],
 )
 def test_loops_that_cannot_be_broken(diagram, at, error, message):

@@ -18,7 +18,7 @@ from flexplant.loop.norms import has_bordered_form, loop_axes
 from flexplant.loop.rates import expect_sampled, rates_of
 from flexplant.loop.stability import stability
 from flexplant.loop.warped import true_hz, warped, warped_hz
-from flexplant.loop.warped_modes import warped_space
+from flexplant.loop.warped_modes import AT_NYQUIST, warped_space
 from flexplant.model.arrays import FloatArray
 from flexplant.plant.modal import ModalPlant
 
@@ -51,6 +51,7 @@ class BrokenLoops:
                 closed = disturbed(diagram, signals)
                 self._closed = cache(lambda kind: warped(closed[kind], dt))
         self._response = DiagramResponse(self.opened)
+        self._refuse_pole_at_nyquist()
 
     def closed(self, kind: str) -> Diagram:
         """The diagram of S, T or half = (S - T) / 2."""
@@ -95,14 +96,27 @@ class BrokenLoops:
     @cached_property
     def at_ends(self) -> ComplexArray:
         """(2, r) each loop, the others closed, at 0 Hz (zero where it is infinite) and at infinity, the Nyquist frequency."""
-        D, wiring = self.opened.feedthrough, self.opened.wiring
-        through = D @ solved_wires(self.opened, wiring.internal @ D, wiring.entry)
-        last = one_at_a_time(-through[wiring.readout][:, :, None].astype(complex))[:, 0]
+        last = one_at_a_time(self._at_infinity[:, :, None].astype(complex))[:, 0]
         try:
             first = self.loops(np.zeros(1))[:, 0]
         except InputError:  # a pole at 0 Hz
             first = np.zeros_like(last)
         return np.stack([first, last])
+
+    @cached_property
+    def _at_infinity(self) -> FloatArray:
+        D, wiring = self.opened.feedthrough, self.opened.wiring
+        through = D @ solved_wires(self.opened, wiring.internal @ D, wiring.entry)
+        return np.asarray(-through[wiring.readout])
+
+    def _refuse_pole_at_nyquist(self) -> None:
+        """InputError for a digital loop whose closed form is singular over w: it has a pole at z = -1."""
+        returned = np.eye(len(self.signals)) + self._at_infinity
+        if self.dt is not None and np.linalg.cond(returned) > AT_NYQUIST:
+            raise InputError(
+                f"the loop closed at {', '.join(self.signals)} has a pole at z = -1 (the Nyquist frequency,"
+                f" {0.5 / self.dt:.6g} Hz), on the edge of stability, where nothing can be told of it; change a gain a little"
+            )
 
     def instability(self) -> str:
         """What grows in a digital loop, in words."""

@@ -25,7 +25,7 @@ class Diagram:
     """Blocks and the wires between them; every check runs here, so a `Diagram` that exists can run.
 
     blocks: name -> StateSpace, ModalPlant or SampledBlock (nonlinear). Discrete blocks beside continuous ones, or of different
-    sample times, make a sampled diagram (`is_sampled`): it can be simulated, but has no single state space.
+    sample times, make a sampled diagram (`is_sampled`): it has margins, a response and a discrete form, but varies in time.
     connections: ("block.output", "block.input") pairs.
     inputs: external name -> the port, or ports, it drives. outputs: external name -> the port it reads.
     allow_algebraic_loops: closed paths of direct feedthrough are an error unless True; they are then solved for, and must be

@@ -11,7 +11,7 @@ from flexplant.loop.hybrid import Hybrid
 from flexplant.loop.layout import Layout, aligned, block_length
 from flexplant.loop.lifted import stepped
 from flexplant.loop.stepping import Stepper
-from flexplant.loop.tiled import MOST_REST, Rows, Tiles, modes_driven
+from flexplant.loop.tiled import MOST_REST, Rows, Tiles, modes_driven, terms
 from flexplant.model.arrays import FloatArray, IntArray
 
 TILE = 4  # samples, as in `sampled_tiles`
@@ -92,16 +92,14 @@ class TiledLoop:
         self._tiles = Tiles(modes_driven(one, shape_in), rows)
         D = linear.D.copy()
         D[:, :nw] += np.hstack([linear.C_modes, linear.C]) @ self._ramp.T
-        reading = np.hstack([rows.placed[m:], linear.C, D[:, nw:], *self._inputs(D[:, :nw])])
-        into = np.hstack([rows.placed[:m], one.A, forced[:, 2 * n :].T, *self._inputs(causal[:, 2 * n :].T)])
-        first = rows.placed.shape[1]
-        asking = reading[nz:].copy()
-        asking[:, first + m : first + m + width - nw] = 0.0
-        self._Z, self._scratch = aligned((first + m + width - nw, block + 8)), (np.zeros((TILE, width - nw)), np.zeros(m))
+        reading = np.hstack([rows.placed[m:], linear.C, *self._inputs(D[:, :nw]), D[:, nw:]])
+        into = np.hstack([rows.placed[:m], one.A, *self._inputs(causal[:, 2 * n :].T), forced[:, 2 * n :].T])
+        first, ahead = rows.placed.shape[1], into.shape[1] - (width - nw)
+        self._Z, self._scratch = aligned((into.shape[1], block + 8)), (np.zeros((TILE, width - nw)), np.zeros(m))
         self._rest, self._written = self._Z[first : first + m, 0], aligned((nz, block))
         self._other = np.ascontiguousarray(into), *self._echoes(one, forced[:, : 2 * n], rows)
-        self._reading, self._asking = (np.ascontiguousarray(reading[:nz]), self._Z), asking
-        self._blocks, self.asked = (*tables, np.ascontiguousarray(linear.D[nz:, nw:])), np.zeros(len(asking))
+        self._reading, self._asking = (terms(reading[:nz]), self._Z), np.ascontiguousarray(reading[nz:, :ahead])
+        self._blocks, self.asked = (*tables, np.ascontiguousarray(linear.D[nz:, nw:])), np.zeros(len(self._asking))
 
     def _inputs(self, columns: FloatArray) -> list[FloatArray]:
         return [columns, np.zeros((len(columns), int(self._silent)))]
@@ -132,7 +130,7 @@ class TiledLoop:
         self.asked[:] = 0.0
         memory = (p, s, self.asked, np.zeros(self.asked.size), np.zeros(s.size), *self._scratch, self._written)
         inputs = np.zeros((1, len(w) - 1)) if self._silent else np.ascontiguousarray(w[:-1].T)
-        fixed = (self._tiles.modes, self._tiles.rows, self._other, self._reading, self._asking, self._blocks, self._functions)
+        fixed = (self._tiles.modes, self._other, self._reading, self._asking, self._blocks, self._functions)
         failure: tuple[int, int] = march(*fixed, inputs, memory, out, *at)
         x[:] = np.concatenate([self._tiles.leave(), self._rest]) + w[-1] @ self._ramp
         return failure

@@ -1,34 +1,36 @@
-"""The compiled steps of a cascade in tiles of four samples: the modes' motion, then the rows that read it, summed in registers.
+"""The compiled steps of a cascade in tiles of four samples: the modes' motion, and the sums over them that the rows read.
 
-Eight modes move over four samples at once, two such groups side by side, and are written down; the rows then sum them over all
-modes in registers. What follows has few terms, and takes eight samples side by side. Imported only where numba is installed.
+Eight modes move over four samples at once, two such groups side by side. Few rows are summed as the modes move; more of them, for
+whose sums the registers do not suffice, from what the modes have written down. Imported only where numba is installed.
 """
 
 from __future__ import annotations
 
 from flexplant.numerics.compiled import compiled, inlined
 from flexplant.numerics.lane_sums import no_sums, store_totals, weighted
-from flexplant.numerics.lanes import add, delayed, load, spread, store, times, zero
+from flexplant.numerics.lanes import add, delayed, load, spread, start, store, zero
 
 LANES = 8
+TILE = 4  # samples
 BLOCK = 32  # samples; what the rows read in them stays in the nearest cache
-FIXED = 5 * LANES  # F00, F01, F10, F11 and b0 / b1 of eight modes
+DRIVEN = 6 * LANES  # where a group's table tells what the inputs add, behind eta, eta' and the four coefficients
 
 
 @inlined
-def _weighed(drive, p, r, U, u, f0, f1, f2, f3, g0, g1, g2, g3):
-    """Sums over the inputs but the first at four samples, weighted from drive[p] and from drive[r] on."""
-    nu, samples = U.shape
-    for _ in range(1, nu):
-        u += samples
-        w, z = load(drive, p), load(drive, r)
-        value = spread(U, u)
+def _forces(table, p, r, Z, width, u, inputs):
+    """Sums over the inputs, Z from u on, at four samples: the first, and the others weighted from table[p] and [r] on."""
+    f0, f1, f2, f3 = spread(Z, u), spread(Z, u + 1), spread(Z, u + 2), spread(Z, u + 3)
+    g0, g1, g2, g3 = f0, f1, f2, f3
+    for _ in range(1, inputs):
+        u += width
+        w, z = load(table, p), load(table, r)
+        value = spread(Z, u)
         f0, g0 = add(value, w, f0), add(value, z, g0)
-        value = spread(U, u + 1)
+        value = spread(Z, u + 1)
         f1, g1 = add(value, w, f1), add(value, z, g1)
-        value = spread(U, u + 2)
+        value = spread(Z, u + 2)
         f2, g2 = add(value, w, f2), add(value, z, g2)
-        value = spread(U, u + 3)
+        value = spread(Z, u + 3)
         f3, g3 = add(value, w, f3), add(value, z, g3)
         p += LANES
         r += LANES
@@ -36,117 +38,140 @@ def _weighed(drive, p, r, U, u, f0, f1, f2, f3, g0, g1, g2, g3):
 
 
 @inlined
-def _four_steps(drive, o, x, s, f0, f1, f2, f3, h0, h1, h2, h3, seen, place, moving):
-    """Eight modes over four samples under the forces h on eta and f on eta'; what they were at each goes to seen."""
-    a, b, c, d = load(drive, o), load(drive, o + LANES), load(drive, o + 2 * LANES), load(drive, o + 3 * LANES)
-    q0, v0 = load(x, s), load(x, s + LANES)
-    q1, v1 = add(a, q0, add(b, v0, h0)), add(c, q0, add(d, v0, f0))
-    q2, v2 = add(a, q1, add(b, v1, h1)), add(c, q1, add(d, v1, f1))
-    q3, v3 = add(a, q2, add(b, v2, h2)), add(c, q2, add(d, v2, f2))
-    store(x, s, add(a, q3, add(b, v3, h3)))
-    store(x, s + LANES, add(c, q3, add(d, v3, f3)))
-    store(seen, place, q0)
-    store(seen, place + LANES, q1)
-    store(seen, place + 2 * LANES, q2)
-    store(seen, place + 3 * LANES, q3)
-    if moving:
-        store(seen, place + 4 * LANES, v0)
-        store(seen, place + 5 * LANES, v1)
-        store(seen, place + 6 * LANES, v2)
-        store(seen, place + 7 * LANES, v3)
+def _four_steps(table, o, f0, f1, f2, f3, h0, h1, h2, h3, twofold):
+    """Eight modes over four samples under the forces f on eta', and, if `twofold`, h on eta: eta and eta' at each of them."""
+    q0, v0, a, b = load(table, o), load(table, o + LANES), load(table, o + 2 * LANES), load(table, o + 3 * LANES)
+    c, d = load(table, o + 4 * LANES), load(table, o + 5 * LANES)
+    if len(twofold):
+        q1, v1 = add(a, q0, add(b, v0, h0)), add(c, q0, add(d, v0, f0))
+        q2, v2 = add(a, q1, add(b, v1, h1)), add(c, q1, add(d, v1, f1))
+        q3, v3 = add(a, q2, add(b, v2, h2)), add(c, q2, add(d, v2, f2))
+        store(table, o, add(a, q3, add(b, v3, h3)))
+    else:
+        q1, v1 = add(a, q0, add(b, f0, v0)), add(c, q0, add(d, v0, f0))
+        q2, v2 = add(a, q1, add(b, f1, v1)), add(c, q1, add(d, v1, f1))
+        q3, v3 = add(a, q2, add(b, f2, v2)), add(c, q2, add(d, v2, f2))
+        store(table, o, add(a, q3, add(b, f3, v3)))
+    store(table, o + LANES, add(c, q3, add(d, v3, f3)))
+    return q0, q1, q2, q3, v0, v1, v2, v3
 
 
 @inlined
-def pushed(table, x, i, P, count):
-    """Add to eight modes what the impulses P (samples, np) of the last `count` <= 4 samples did. table: (groups, 4 np * 16)."""
-    width = P.shape[1]
-    o, s = (i + 1) * table.shape[1] - count * width * 2 * LANES, 2 * LANES * i
-    q, v = load(x, s), load(x, s + LANES)
+def _seen(table, o, kinds, still, both, q0, q1, q2, q3, v0, v1, v2, v3):
+    """Sum the rows over eight modes of four samples, from table[o] on, or write down there what they read."""
+    _, mixed, summed, read = kinds
+    if len(mixed):
+        r = load(table, o - LANES)
+        v0, v1, v2, v3 = add(r, v0, q0), add(r, v1, q1), add(r, v2, q2), add(r, v3, q3)
+    still = weighted(still, table, o, q0, q1, q2, q3)
+    p = o + LANES * len(summed[0])
+    if len(mixed) == 0:
+        both = weighted(both, table, p, q0, q1, q2, q3)
+        p += LANES * len(summed[1])
+    both = weighted(both, table, p, v0, v1, v2, v3)
+    if len(read[0]) + len(read[1]):
+        store(table, o, q0)
+        store(table, o + LANES, q1)
+        store(table, o + 2 * LANES, q2)
+        store(table, o + 3 * LANES, q3)
+    if len(read[1]):
+        store(table, o + 4 * LANES, v0)
+        store(table, o + 5 * LANES, v1)
+        store(table, o + 6 * LANES, v2)
+        store(table, o + 7 * LANES, v3)
+    return still, both
+
+
+@inlined
+def pushed(table, o, push, i, P, width, count):
+    """Add to the eight modes of group i, table from o on, what the impulses P (samples, width) of `count` <= 4 samples did.
+
+    push: (groups, 4 width, 16).
+    """
+    place = ((i + 1) * TILE - count) * width * 2 * LANES
+    q, v = load(table, o), load(table, o + LANES)
     for k in range(count * width):
         value = spread(P, k)
-        q, v = add(value, load(table, o), q), add(value, load(table, o + LANES), v)
-        o += 2 * LANES
-    store(x, s, q)
-    store(x, s + LANES, v)
+        q, v = add(value, load(push, place), q), add(value, load(push, place + LANES), v)
+        place += 2 * LANES
+    store(table, o, q)
+    store(table, o + LANES, v)
 
 
 @inlined
-def _moved(drive, x, U, place, seen, twofold, moving, table, P, count):
-    """The modes over four samples of U from U.flat[place] on; the unit of each mode is what the first input does to its eta'.
+def _behind(kinds, inputs):
+    """Where a group's table tells what rows read, behind what the inputs add, and the ratio of `mixed`."""
+    twofold, mixed, _, _ = kinds
+    place = DRIVEN + (inputs - 1) * LANES
+    if len(twofold):
+        place += (inputs - 1) * LANES
+    if len(mixed):
+        place += LANES
+    return place
+
+
+@inlined
+def _tile(table, shape, kinds, Z, width, inputs, u, t, push, P, outputs, count):
+    """The modes over four samples of the inputs, Z from u on; the rows' sums go to Z[:, t]. See `tile_march`.
 
     Before, they take the impulses of `count` samples, see `pushed`.
     """
-    groups, size = drive.shape
-    kept = 8 * LANES if moving else 4 * LANES
-    for i in range(0, groups, 2):
-        o, s, to = i * size, 2 * LANES * i, kept * i
-        p, r = o + FIXED, o + size + FIXED
-        f0, f1, f2, f3 = spread(U, place), spread(U, place + 1), spread(U, place + 2), spread(U, place + 3)
-        m, n = load(drive, p - LANES), load(drive, r - LANES)
-        h0, h1, h2, h3 = times(m, f0), times(m, f1), times(m, f2), times(m, f3)
-        k0, k1, k2, k3 = times(n, f0), times(n, f1), times(n, f2), times(n, f3)
-        f0, f1, f2, f3, g0, g1, g2, g3 = _weighed(drive, p, r, U, place, f0, f1, f2, f3, f0, f1, f2, f3)
+    (groups, size, _), (twofold, _, summed, _) = shape, kinds
+    skip, read = (inputs - 1) * LANES, _behind(kinds, inputs)
+    still, both = no_sums(summed[0]), no_sums(summed[1])
+    for i in range(0, groups - 1, 2):
+        o = i * size
+        r = o + size
+        f0, f1, f2, f3, g0, g1, g2, g3 = _forces(table, o + DRIVEN, r + DRIVEN, Z, width, u, inputs)
+        h0, h1, h2, h3, k0, k1, k2, k3 = f0, f1, f2, f3, g0, g1, g2, g3
         if len(twofold):
-            skip = (U.shape[0] - 1) * LANES
-            h0, h1, h2, h3, k0, k1, k2, k3 = _weighed(drive, p + skip, r + skip, U, place, h0, h1, h2, h3, k0, k1, k2, k3)
-        if len(twofold) == 0:
-            h0, h1, h2, h3 = times(m, f0), times(m, f1), times(m, f2), times(m, f3)
-            k0, k1, k2, k3 = times(n, g0), times(n, g1), times(n, g2), times(n, g3)
+            h0, h1, h2, h3, k0, k1, k2, k3 = _forces(table, o + DRIVEN + skip, r + DRIVEN + skip, Z, width, u, inputs)
         if count:
-            pushed(table, x, i, P, count)
-            pushed(table, x, i + 1, P, count)
-        _four_steps(drive, o, x, s, f0, f1, f2, f3, h0, h1, h2, h3, seen, to, moving)
-        _four_steps(drive, o + size, x, s + 2 * LANES, g0, g1, g2, g3, k0, k1, k2, k3, seen, to + kept, moving)
+            pushed(table, o, push, i, P, outputs, count)
+            pushed(table, r, push, i + 1, P, outputs, count)
+        states = _four_steps(table, o, f0, f1, f2, f3, h0, h1, h2, h3, twofold)
+        still, both = _seen(table, o + read, kinds, still, both, *states)
+        states = _four_steps(table, r, g0, g1, g2, g3, k0, k1, k2, k3, twofold)
+        still, both = _seen(table, r + read, kinds, still, both, *states)
+    if groups % 2:
+        o = (groups - 1) * size
+        f0, f1, f2, f3, _, _, _, _ = _forces(table, o + DRIVEN, o + DRIVEN, Z, width, u, inputs)
+        h0, h1, h2, h3 = f0, f1, f2, f3
+        if len(twofold):
+            h0, h1, h2, h3, _, _, _, _ = _forces(table, o + DRIVEN + skip, o + DRIVEN + skip, Z, width, u, inputs)
+        if count:
+            pushed(table, o, push, groups - 1, P, outputs, count)
+        states = _four_steps(table, o, f0, f1, f2, f3, h0, h1, h2, h3, twofold)
+        still, both = _seen(table, o + read, kinds, still, both, *states)
+    store_totals(still, Z, t, width)
+    store_totals(both, Z, t + len(summed[0]) * width, width)
+    _read(table, shape, kinds, read, Z, width, t)
 
 
 @inlined
-def _moved_singly(drive, x, U, place, count, seen, twofold, moving):
-    """As `_moved`, over `count` < 4 samples."""
-    (groups, size), (nu, samples) = drive.shape, U.shape
-    kept = 8 * LANES if moving else 4 * LANES
-    for i in range(groups):
-        o, s, to = i * size, 2 * LANES * i, kept * i
-        a, b, c, d = load(drive, o), load(drive, o + LANES), load(drive, o + 2 * LANES), load(drive, o + 3 * LANES)
-        q, v = load(x, s), load(x, s + LANES)
-        for t in range(count):
-            p = o + FIXED
-            f, m = spread(U, place + t), load(drive, p - LANES)
-            h = times(m, f)
-            for k in range(1, nu):
-                value = spread(U, place + t + k * samples)
-                f = add(value, load(drive, p), f)
-                if len(twofold):
-                    h = add(value, load(drive, p + (nu - 1) * LANES), h)
-                p += LANES
-            if len(twofold) == 0:
-                h = times(m, f)
-            store(seen, to + t * LANES, q)
-            if moving:
-                store(seen, to + (4 + t) * LANES, v)
-            q, v = add(a, q, add(b, v, h)), add(c, q, add(d, v, f))
-        store(x, s, q)
-        store(x, s + LANES, v)
-
-
-@inlined
-def _read(rows, seen, Z, to, on_position, on_both):
-    """The rows' sums over all modes at four samples go to Z[:, 0] = Z.flat[to] on. rows: (passes, groups, .)."""
-    passes, groups, size = rows.shape
-    width, moving = Z.shape[1], len(on_both) > 0
-    kept = 8 * LANES if moving else 4 * LANES
+def _read(table, shape, kinds, place, Z, width, to):
+    """The rows' sums over what the modes have written down of four samples go to Z[:, to:]."""
+    (groups, size, passes), (_, mixed, _, (on_position, on_both)) = shape, kinds
+    if len(on_position) + len(on_both) == 0:
+        return
+    moving = len(on_both) > 0
+    each = len(on_position) + (len(on_both) if len(mixed) else 2 * len(on_both))
     for turn in range(passes):
-        still, both, p, s = no_sums(on_position), no_sums(on_both), turn * groups * size, 0
+        still, both, s = no_sums(on_position), no_sums(on_both), place
+        p = place + (8 * LANES if moving else 4 * LANES) + turn * each * LANES
         for _ in range(groups):
-            a, b, c, d = load(seen, s), load(seen, s + LANES), load(seen, s + 2 * LANES), load(seen, s + 3 * LANES)
-            still = weighted(still, rows, p, a, b, c, d)
+            a, b, c, d = load(table, s), load(table, s + LANES), load(table, s + 2 * LANES), load(table, s + 3 * LANES)
+            still = weighted(still, table, p, a, b, c, d)
             if moving:
                 o = p + LANES * len(on_position)
-                both = weighted(both, rows, o, a, b, c, d)
-                a, b, c = load(seen, s + 4 * LANES), load(seen, s + 5 * LANES), load(seen, s + 6 * LANES)
-                d = load(seen, s + 7 * LANES)
-                both = weighted(both, rows, o + LANES * len(on_both), a, b, c, d)
+                if len(mixed) == 0:
+                    both = weighted(both, table, o, a, b, c, d)
+                    o += LANES * len(on_both)
+                a, b, c = load(table, s + 4 * LANES), load(table, s + 5 * LANES), load(table, s + 6 * LANES)
+                d = load(table, s + 7 * LANES)
+                both = weighted(both, table, o, a, b, c, d)
             p += size
-            s += kept
+            s += size
         store_totals(still, Z, to, width)
         to += len(on_position) * width
         store_totals(both, Z, to, width)
@@ -154,28 +179,78 @@ def _read(rows, seen, Z, to, on_position, on_both):
 
 
 @compiled
-def _combined(weights, Z, terms, U, first, out, place, count):
-    """out[r, place + t] = weights[r] . [Z[:terms, t], U[:, first + t]] for t < count, a multiple of 8; four eights overlap."""
-    nu, samples, size, width = U.shape[0], U.shape[1], weights.shape[1], Z.shape[1]
+def one_tile(table, shape, kinds, Z, width, inputs, u, t, push, P, outputs, count, left, before):
+    """As `_tile`, the state moving over `left` <= 4 samples only. before: scratch (groups, 16)."""
+    if left < TILE:
+        for i in range(shape[0]):
+            pushed(table, i * shape[1], push, i, P, outputs, count)
+        count = 0
+        _kept(table, shape, before)
+    _tile(table, shape, kinds, Z, width, inputs, u, t, push, P, outputs, count)
+    if left < TILE:
+        _moved_singly(table, shape, kinds, Z, width, inputs, u, left, before)
+
+
+@inlined
+def _kept(table, shape, before):
+    """before (groups, 16) = the state."""
+    for i in range(shape[0]):
+        store(before, 2 * LANES * i, load(table, i * shape[1]))
+        store(before, 2 * LANES * i + LANES, load(table, i * shape[1] + LANES))
+
+
+@inlined
+def _moved_singly(table, shape, kinds, Z, width, inputs, u, count, before):
+    """The modes over `count` < 4 samples from the state before, read by no row."""
+    (groups, size, _), (twofold, _, _, _) = shape, kinds
+    for i in range(groups):
+        o, s = i * size, 2 * LANES * i
+        q, v, a, b = load(before, s), load(before, s + LANES), load(table, o + 2 * LANES), load(table, o + 3 * LANES)
+        c, d = load(table, o + 4 * LANES), load(table, o + 5 * LANES)
+        for t in range(count):
+            p, f = o + DRIVEN, spread(Z, u + t)
+            h = f
+            for k in range(1, inputs):
+                value = spread(Z, u + t + k * width)
+                f = add(value, load(table, p), f)
+                if len(twofold):
+                    h = add(value, load(table, p + (inputs - 1) * LANES), h)
+                p += LANES
+            if len(twofold):
+                q, v = add(a, q, add(b, v, h)), add(c, q, add(d, v, f))
+            else:
+                q, v = add(a, q, add(b, f, v)), add(c, q, add(d, v, f))
+        store(table, o, q)
+        store(table, o + LANES, v)
+
+
+@compiled
+def taken(U, inputs, samples, first, count, Z, width, row):
+    """Z[row + k, :count] = U[k, first : first + count] for each of the inputs."""
+    whole = count // LANES * LANES
+    for k in range(inputs):
+        source, target = k * samples + first, (row + k) * width
+        for t in range(0, whole, LANES):
+            store(Z, target + t, load(U, source + t))
+        for t in range(whole, count):
+            Z[target + t] = U[source + t]
+
+
+@compiled
+def combined(weights, places, ends, rows, Z, width, out, columns, place, count):
+    """out[r, place + t] = the sum of weights[k] Z[places[k], t] over ends[r] <= k < ends[r + 1], t < count, a multiple of 8.
+
+    Four eights of samples side by side, which overlap where there are fewer.
+    """
     last = count - LANES
     b, c, d = min(LANES, last), min(2 * LANES, last), min(3 * LANES, last)
-    for r in range(weights.shape[0]):
+    for r in range(rows):
         f0, f1, f2, f3 = zero(), zero(), zero(), zero()
-        w, z = r * size, 0
-        for _ in range(terms):
-            value = spread(weights, w)
+        for k in range(ends[r], ends[r + 1]):
+            value, z = spread(weights, k), places[k] * width
             f0, f1 = add(value, load(Z, z), f0), add(value, load(Z, z + b), f1)
             f2, f3 = add(value, load(Z, z + c), f2), add(value, load(Z, z + d), f3)
-            w += 1
-            z += width
-        u = first
-        for _ in range(nu):
-            value = spread(weights, w)
-            f0, f1 = add(value, load(U, u), f0), add(value, load(U, u + b), f1)
-            f2, f3 = add(value, load(U, u + c), f2), add(value, load(U, u + d), f3)
-            w += 1
-            u += samples
-        o = r * out.shape[1] + place
+        o = r * columns + place
         store(out, o, f0)
         store(out, o + b, f1)
         store(out, o + c, f2)
@@ -183,13 +258,13 @@ def _combined(weights, Z, terms, U, first, out, place, count):
 
 
 @compiled
-def _rest_moved(powers, free, G, later, Z, below, count):
+def _rest_moved(powers, free, coupled, m, G, later, Z, width, below, count):
     """The other states l[t + 1] = A l[t] + G[:, t] in the rows of Z from `below` on, whose first column holds l[0].
 
     Eight samples side by side: their sums double over 1, 2 and 4 samples, powers: (3, m, m) A, A^2, A^4; then what the first
-    of the eight starts from is added, free: (m, m, 8) A^1 to A^8. G, later: (m, BLOCK), the latter scratch.
+    of the eight starts from is added, free: (m, m, 8) A^1 to A^8. coupled: (m, m) where any of them is not zero. G, later:
+    (m, BLOCK), the latter scratch.
     """
-    m, width = G.shape[0], Z.shape[1]
     for turn in range(3):
         for i in range(0, m * BLOCK, LANES):
             value = load(G, i)
@@ -198,9 +273,10 @@ def _rest_moved(powers, free, G, later, Z, below, count):
             g = i * BLOCK
             f0, f1, f2, f3 = load(G, g), load(G, g + LANES), load(G, g + 2 * LANES), load(G, g + 3 * LANES)
             for j in range(m):
-                value, s = spread(powers, (turn * m + i) * m + j), j * BLOCK
-                f0, f1 = add(value, load(later, s), f0), add(value, load(later, s + LANES), f1)
-                f2, f3 = add(value, load(later, s + 2 * LANES), f2), add(value, load(later, s + 3 * LANES), f3)
+                if coupled[i * m + j]:
+                    value, s = spread(powers, (turn * m + i) * m + j), j * BLOCK
+                    f0, f1 = add(value, load(later, s), f0), add(value, load(later, s + LANES), f1)
+                    f2, f3 = add(value, load(later, s + 2 * LANES), f2), add(value, load(later, s + 3 * LANES), f3)
             store(G, g, f0)
             store(G, g + LANES, f1)
             store(G, g + 2 * LANES, f2)
@@ -209,37 +285,50 @@ def _rest_moved(powers, free, G, later, Z, below, count):
         for i in range(m):
             value = load(G, i * BLOCK + t)
             for j in range(m):
-                value = add(spread(Z, (below + j) * width + t), load(free, (i * m + j) * LANES), value)
+                if coupled[i * m + j]:
+                    value = add(spread(Z, (below + j) * width + t), load(free, (i * m + j) * LANES), value)
             store(Z, (below + i) * width + t + 1, value)
 
 
 @compiled
-def tile_march(modes, rows, other, reading, U, first, out, place, count, valid):
+def _block(table, shape, kinds, Z, width, heard, inputs, count, valid, before):
+    """The rows' sums at `count` <= BLOCK samples; the modes' state moves over `valid` of them."""
+    for t in range(0, count, TILE):
+        u = heard * width + t
+        if t + TILE > valid:
+            _kept(table, shape, before)
+        _tile(table, shape, kinds, Z, width, inputs, u, t, Z, Z, 0, 0)
+        if t + TILE > valid:
+            _moved_singly(table, shape, kinds, Z, width, inputs, u, max(0, valid - t), before)
+
+
+@compiled
+def tile_march(modes, other, reading, Z, U, first, out, place, count, valid):
     """`count` samples, a multiple of 8, under U[:, first:]; out[:, place:]: the outputs. The state moves over `valid` of them.
 
-    modes: drive, x, seen, twofold. drive: (groups, .) for eight modes F00, F01, F10, F11, what the first input adds to eta where
-    it adds 1 to eta' (any input adds in that ratio, if `twofold` is empty), what the others add to eta', and, if `twofold` is
-    not empty, to eta. An even number of groups. x: eta and eta' of eight modes, of the next eight, ... seen: scratch.
-    rows: (passes, groups, .) the rows that read eta alone, the eta part of the others, their eta' part; then two tuples as long
-    as there are rows of either kind. other: into (m, .) on [rows, inputs], or on the inputs alone, then what `_rest_moved` needs.
-    reading: weights on [rows, other states, inputs] and Z: (rows and other states, BLOCK + 8).
+    modes: table, kinds, passes, before. table: (groups, .) eta and eta' of eight modes, then F00, what the first input adds to
+    eta (any input adds in that ratio), F10, F11, what the others add to eta'. Eta' is counted in what the first input adds to
+    it, and eta in what that adds to the next eta, so that both are 1. kinds: twofold, mixed, summed, read. If `twofold` is not
+    empty: F00, F01, F10, F11, what the others add to eta' and to eta, each counted in what the first one adds.
+    Behind them the rows: what they read is written down, where `read` is not empty; then the rows that read eta alone, the eta
+    part of the others, their eta' part, for each of the passes; or, if `mixed` is not empty, first r, and then weights of
+    w = eta + r eta'. summed, read: two tuples as long as there are rows of either kind, summed as the modes move, or read from
+    what they write down; one is empty. before: scratch (groups, 16).
+    other: terms of G, powers, free, coupled, G, later of `_rest_moved`. reading: terms, see `combined`. Z: [rows, other states,
+    inputs] at the samples of a block; its first column holds the other states at the start and the end.
     """
-    (drive, x, seen, twofold), (packed, on_position, on_both) = modes, rows
-    (into, powers, free, G, later), (weights, Z) = other, reading
-    m, moving = G.shape[0], len(on_both) > 0
-    read = Z.shape[0] - m
+    (table, kinds, passes, before), (into, powers, free, coupled, G, later), m = modes, other, other[4].shape[0]
+    (inputs, samples), (all_rows, width), (rows, columns) = U.shape, Z.shape, out.shape
+    shape, heard, z = (table.shape[0], table.shape[1], passes), all_rows - inputs, start(Z)
     for block in range(0, count, BLOCK):
         here, left = min(BLOCK, count - block), max(0, min(BLOCK, valid - block))
-        for t in range(0, here, 4):
-            u = first + block + t
-            if t + 4 <= left:
-                _moved(drive, x, U, u, seen, twofold, moving, drive, weights, 0)
-            else:
-                _moved_singly(drive, x, U, u, max(0, left - t), seen, twofold, moving)
-            _read(packed, seen, Z, t, on_position, on_both)
+        taken(start(U), inputs, samples, first + block, here, z, width, heard)
+        _block(start(table), shape, kinds, z, width, heard, inputs, here, left, start(before))
         if m:
-            _combined(into, Z, into.shape[1] - U.shape[0], U, first + block, G, 0, here)
-            _rest_moved(powers, free, G, later, Z, read, here)
-        _combined(weights, Z, read + m, U, first + block, out, place + block, here)
-        for i in range(read, read + m):
+            combined(start(into[0]), start(into[1]), start(into[2]), m, z, width, start(G), BLOCK, 0, here)
+            fixed = start(powers), start(free), start(coupled), m
+            _rest_moved(*fixed, start(G), start(later), z, width, heard - m, here)
+        terms = start(reading[0]), start(reading[1]), start(reading[2]), rows
+        combined(*terms, z, width, start(out), columns, place + block, here)
+        for i in range(heard - m, heard):
             Z[i, 0] = Z[i, left]
