@@ -15,6 +15,7 @@ from flexplant.cli import app
 from flexplant.errors import InputError
 from flexplant.study.arguments import parse_patch
 from flexplant.study.reduction import reduce_model
+from flexplant.study.schema_reduce import InterfaceNodeSpec
 
 N = 8
 
@@ -147,6 +148,26 @@ def test_each_method_with_a_patch_is_what_the_library_gives(plate, tmp_path, kin
     assert f"reduced 324 DOF to {theirs.n}" in result.stdout
 
 
+@pytest.mark.parametrize(
+    ("more", "options"),
+    [
+        ({"kind": "average", "weights": [1.0, 2, 3, 4, 5, 6]}, {"weights": np.arange(1.0, 7)}),
+        ({"kind": "rigid", "directions": "123"}, {"directions": "123"}),
+    ],
+)
+def test_a_patch_of_a_study_is_what_lies_within_its_radius(plate, more, options):
+    """Six nodes lie within 0.0551 m of the corner: cells are 0.05, 0.05 and 0.02 m."""
+    spec = InterfaceNodeSpec(node=500, radius_m=0.0551, position_m=[0, 0, 0], **more)
+    listed = InterfaceNodeSpec(node=500, patch=["1-4", "13-14"], position_m=[0, 0, 0], kind="rigid")
+    near = [1, 2, 3, 4, 13, 14]
+    assert listed.arguments["patch"] == near
+    ours = reduce_model(plate[1], [(500, "123456"), (108, "123")], method="guyan", interface_nodes=[spec.arguments])
+    theirs = fp.guyan(
+        fp.with_interface_node(plate[1], 500, [0, 0, 0], near, kind=spec.kind, **options), [(500, "123456"), (108, "123")]
+    )
+    np.testing.assert_array_equal(ours.stiffness, theirs.stiffness)
+
+
 def test_a_patch_as_text():
     assert parse_patch("500=1-3,9@0.1,-2,3e-1", "rigid") == {
         "node": 500, "kind": "rigid", "patch": [1, 2, 3, 9], "position_m": [0.1, -2.0, 0.3]
@@ -166,6 +187,7 @@ def test_characteristic_modes_loads_recovery_and_basis_are_written(plate, tmp_pa
     options = ("--boundary", "1,6:123 97-108:123", "--modes", 8, "--loads", "50:3", "--recover", "55:12", "--keep-basis")
     small, result = reduced(plate, tmp_path / "r.h5", *options, "--keep", "1,6:123", "--interface-modes", 30)
     assert "30 coordinates of the interface for 36 boundary DOF" in result.stdout
+    assert (small.report.interface_coordinates, small.report.interface_dofs) == (30, 36)
     assert small.boundary.nodes == [1, 6]
     assert small.interior.pairs == [(50, 3)]
     assert small.recovery["displacement"].labels == ("55.1", "55.2")
