@@ -39,6 +39,7 @@ from test_uff_reference import function, mode
 from flexplant.errors import PlausibilityWarning, ReadError
 from flexplant.io import (
     read_component,
+    read_geometry,
     read_model,
     read_plant,
     read_reference,
@@ -119,12 +120,19 @@ def ansys_full(folder: Path, packed: bool = False) -> Path:
 
 
 def universal(folder: Path) -> Path:
-    (folder / "u.uff").write_text(mode(1.0, np.ones((2, 3))) + function(np.ones(4) + 0j))
+    stated = "    -1\n   164\n         5mm (milli newton)            2\n  1.0D+03  1.0D+03  1.0D+00\n    -1\n"
+    (folder / "u.uff").write_text(stated + mode(1.0, np.ones((2, 3))) + function(np.ones(4) + 0j))
     return folder / "u.uff"
 
 
 def both_references(path: Path) -> object:
     return read_reference(path, component="a"), read_response_functions(path)
+
+
+def bulk(folder: Path) -> Path:
+    for name in ("inboard.dat", "inboard.blk"):
+        shutil.copyfile(TRUSS / name, folder / name)
+    return folder / "inboard.dat"
 
 
 def op2_dmig(folder: Path) -> Path:
@@ -172,6 +180,8 @@ SAMPLES: dict[str, tuple[Callable[[Path], Path], Callable[[Path], object]]] = {
     "sierra_netcdf nodes": (lambda folder: reduction(folder / "r.nc4", pairs(47, 19), [47, 19])[0],
                             lambda p: read_component(p, format="sierra_netcdf")),
     "mat plant": (mat_plant, read_plant),
+    "nastran_bulk": (bulk, lambda p: read_geometry(p, format="nastran_bulk", units="mm-kg-s")),
+    "npz plant": (lambda folder: write_plant(PLANT, folder / "p.npz", overwrite=True), read_plant),
 }  # fmt: skip
 
 

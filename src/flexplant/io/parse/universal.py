@@ -19,6 +19,7 @@ from flexplant.model.units import SI, UnitSystem, unit_system
 
 DELIMITER = "    -1"
 UNITS = "164"
+LARGEST = 1e12  # more than any two units of length or force are apart
 SAME = 1e-4  # relative: factors are written with as few as six digits
 
 
@@ -71,7 +72,7 @@ def file_units(path: Path, found: Iterable[Section], asked: str | UnitSystem | t
 def _stated(path: Path, section: Section) -> UnitSystem:
     """Record 1: code, description. Record 2: what SI lengths and forces are multiplied by to be those of the file."""
     factors = numbers(path, section, 1, 2)
-    if factors.size < 2 or not (np.isfinite(factors[:2]) & (factors[:2] > 1e-30)).all():
+    if factors.size < 2 or not ((factors[:2] > 1 / LARGEST) & (factors[:2] < LARGEST)).all():
         raise ReadError(path, "dataset 164 has no factors of length and force", record=f"line {section.first + 1}")
     length, force = (float(1 / f) for f in factors[:2])
     if length == force == 1.0:
