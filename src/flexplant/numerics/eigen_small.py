@@ -135,19 +135,19 @@ def _orthogonal(basis: FloatArray, image: FloatArray) -> tuple[FloatArray, Float
     local = basis[:, -2 * image.shape[1] :]
     share = dgemm(1.0, local, image, trans_a=True)
     rest = _purged(dgemm(-1.0, local, share, beta=1.0, c=image, overwrite_c=True), basis)
-    coupling = np.eye(image.shape[1])
-    largest = float(np.linalg.norm(share))
+    coupling: FloatArray | None = None
+    largest = float(np.sqrt(np.vdot(share, share)))
     for _ in range(3):
         triangle, failed = dpotrf(dgemm(1.0, rest, rest, trans_a=True))
-        pivots = np.diagonal(triangle)
-        if failed or pivots.min() <= LOST * largest:
-            return share, None, coupling
+        pivots = triangle.diagonal().tolist()  # so few numbers are compared faster one by one
+        if failed or min(pivots) <= LOST * largest:
+            return share, None, triangle
         rest = dtrsm(1.0, triangle, rest, side=1, overwrite_b=True)
-        coupling = triangle @ coupling
-        if pivots.min() > max(CLEAN * largest, SKEW * pivots.max()):
+        coupling = triangle if coupling is None else triangle @ coupling
+        if min(pivots) > max(CLEAN * largest, SKEW * max(pivots)):
             break
         rest, largest = _purged(rest, basis), 1.0
-    return share, rest, coupling
+    return share, rest, np.asarray(coupling)
 
 
 def _purged(block: FloatArray, basis: FloatArray) -> FloatArray:

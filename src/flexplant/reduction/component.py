@@ -61,7 +61,7 @@ def hcb_component(
     basis = _stored(part, interior, keep_basis)
     whole = part.full_basis(interior.vectors) if basis is None and any(d is not None for d in damped) else basis
     projected = [None if d is None or whole is None else project(d, whole) for d in damped]
-    named = [(n, d) for n, d in DofSet.of(loads).pairs if d and (n, d) not in part.boundary]
+    named = DofSet.of([(n, d) for n, d in DofSet.of(loads).pairs if d and (n, d) not in part.boundary])
     return ReducedComponent(
         name=model.name,
         boundary=part.boundary,
@@ -69,8 +69,8 @@ def hcb_component(
         stiffness=stiffness,
         damping=projected[0],
         structural_damping=projected[1],
-        interior=DofSet.of(named),
-        interior_rows=_rows(part, interior, DofSet.of(named)) if named else None,
+        interior=named,
+        interior_rows=_rows(part, interior, named) if len(named) else None,
         nodes=model.nodes,
         recovery=_recovery(part, interior, DofSet.of(recover)),
         source={**model.source, "reduction": str(report)},
@@ -86,7 +86,10 @@ def hcb_component(
 def _boundary_stiffness(part: Partition) -> FloatArray:
     """The condensed stiffness; zero where all of it is round-off of the terms that cancelled, behind a statically determinate
     interface, for then a mere rigid body is left, and nothing to tell it by."""
-    stiffness, size = part.condensed("stiffness"), np.sqrt(part.cancelling)
+    stiffness = part.condensed("stiffness")
+    if (np.diagonal(stiffness) > ROUND_OFF * part.most_cancelling).any():
+        return stiffness
+    size = np.sqrt(part.cancelling)
     return np.zeros_like(stiffness) if (abs(stiffness) <= ROUND_OFF * np.outer(size, size)).all() else stiffness
 
 

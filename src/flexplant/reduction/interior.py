@@ -119,16 +119,19 @@ class Interior:
         """
         v, _ = self.pending
         force = self.part.kii @ v
-        values, rotation = self.rotation
-        shared = (rotation.T @ (self.ritz.T @ force)) / np.sqrt(values)[:, None]
-        return _root(symmetric(v.T @ force - shared.T @ shared)) @ self.drive
+        energy = v.T @ force
+        if self.ritz.shape[1]:
+            values, rotation = self.rotation
+            shared = (rotation.T @ (self.ritz.T @ force)) / np.sqrt(values)[:, None]
+            energy -= shared.T @ shared
+        return _root(symmetric(energy)) @ self.drive
 
 
 def _root(matrix: FloatArray) -> FloatArray:
     """U with U^T U = A of a semidefinite matrix; rows of round-off left out."""
     if not matrix.size:
         return np.zeros((0, matrix.shape[0]))
-    values, vectors = la.eigh(matrix)
+    values, vectors = np.linalg.eigh(matrix)
     keep = values > 0
     return np.asarray(np.sqrt(values[keep])[:, None] * vectors[:, keep].T)
 

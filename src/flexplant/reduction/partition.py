@@ -187,6 +187,13 @@ class Partition:
         (kii, kib, kbb), psi = self.stiffness, abs(self.constraint_modes)
         return np.asarray(abs(kbb.diagonal()) + (psi * (abs(kii) @ psi + 2 * dense(abs(kib)))).sum(axis=0))
 
+    @property
+    def most_cancelling(self) -> FloatArray:
+        """(n_b,) no less than `cancelling` of a semidefinite stiffness, without a product: there |K_ij|^2 <= K_ii K_jj."""
+        kii, _, kbb = self.stiffness
+        own, inside = np.sqrt(abs(kbb.diagonal())), np.sqrt(abs(kii.diagonal()))
+        return np.asarray((own + inside @ abs(self.constraint_modes)) ** 2)
+
 
 def _cut(matrix: sp.csr_array, i: IntArray, b: IntArray) -> tuple[sp.csr_array, FloatArray, FloatArray]:
     """Blocks ii (without zeros), ib and bb of a symmetric matrix, in a fraction of the time that the general indexing of small
