@@ -118,6 +118,10 @@ def test_few_characteristic_modes_converge_from_above(block):
     assert vouched.sum() >= 3
     assert np.median((estimate.total / true)[vouched]) < 3
     assert small.report.interface_coordinates == 24
+    r = np.array([i for i, pair in enumerate(component.boundary.pairs) if pair not in corners(block)])
+    omega2 = la.eigvalsh(component.stiffness[np.ix_(r, r)], component.mass[np.ix_(r, r)])
+    slowness = 1 / component.report.complete_below_hz**2 + (2 * np.pi) ** 2 / omega2[24]  # of all that is left out
+    assert small.report.complete_below_hz == pytest.approx(slowness**-0.5, rel=1e-9)
     np.testing.assert_allclose(small.basis.T @ (block.mass @ small.basis), small.mass, atol=1e-9)
     assert errors[0] > errors[1] > errors[2] > -1e-9
     with pytest.raises(InputError, match="characteristic modes asked"):
