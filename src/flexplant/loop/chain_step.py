@@ -1,4 +1,4 @@
-"""One exact step of a `Chain` under inputs that are held, or straight, between samples."""
+"""One exact step of a `Chain` under inputs that are held between samples."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from flexplant.plant.discretize import balanced_expm, mode_steps, mode_transitio
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class ChainStep:
-    """The chain one step later, with g = [a; w] or, for straight inputs, [a; w; change of w over the step].
+    """The chain one step later, with g = [a; w].
 
     a+ = ahead g
     [eta; eta']+ = modes [eta; eta'] + modes_from g                   (n, 2, 2), (n, 2, ng)
@@ -29,21 +29,18 @@ class ChainStep:
     behind_from: FloatArray
 
 
-def chain_step(chain: Chain, dt: float, hold: str = "zero") -> ChainStep:
+def chain_step(chain: Chain, dt: float) -> ChainStep:
     """The step of dt seconds: exponentials of [g; one mode; b], one a mode and all at once, and one without modes.
 
     A mode's share of what b receives over the step is linear in that mode, so the shares of all modes are added.
     """
     ma, nw = chain.B_ahead.shape
-    mb, ng = len(chain.behind), ma + nw * (2 if hold == "first" else 1)
-    source = np.zeros((ng, ng))
-    source[:ma, : ma + nw] = np.hstack([chain.ahead, chain.B_ahead])
-    source[ma : ma + nw, ma + nw :] = np.eye(nw, ng - ma - nw) / dt
+    mb, ng = len(chain.behind), ma + nw
     small = np.zeros((ng + mb, ng + mb))
-    small[:ng, :ng] = source
-    small[ng:, : ma + nw], small[ng:, ng:] = np.hstack([chain.from_ahead, chain.B_behind]), chain.behind
+    small[:ma, :ng] = np.hstack([chain.ahead, chain.B_ahead])
+    small[ng:, :ng], small[ng:, ng:] = np.hstack([chain.from_ahead, chain.B_behind]), chain.behind
     e = balanced_expm(small * dt)
-    modes_from, from_modes, behind_from = _by_force(chain, dt, hold) if not ma else _through(chain, source, dt)
+    modes_from, from_modes, behind_from = _through(chain, small[:ng, :ng], dt) if ma else _by_force(chain, dt)
     return ChainStep(
         ahead=e[:ma, :ng],
         modes=mode_transitions(chain.omega, chain.zeta, dt),
@@ -54,26 +51,19 @@ def chain_step(chain: Chain, dt: float, hold: str = "zero") -> ChainStep:
     )
 
 
-def _by_force(chain: Chain, dt: float, hold: str) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Without a: a mode moves by one number, its force, held or straight."""
-    step = mode_steps(chain.omega, chain.zeta, dt, hold)
-    columns = [step.hold] if step.ramp is None else [step.hold, step.ramp]
-    modes_from = np.concatenate([column[:, :, None] * chain.force[:, None, :] for column in columns], axis=2)
-    if not len(chain.behind) or not chain.omega.size:
-        nothing = np.zeros((len(chain.behind), 2, chain.omega.size))
-        return modes_from, nothing, np.zeros((len(chain.behind), modes_from.shape[2]))
-    size = len(columns)
-    unit = np.eye(size, k=1) / dt
-    force = np.eye(1, size).repeat(chain.omega.size, axis=0)
-    _, from_modes, each = _exponentials(chain, unit, force, dt)
-    behind_from = np.concatenate([each[:, :, k].T @ chain.force for k in range(size)], axis=1)
-    return modes_from, from_modes, behind_from
+def _by_force(chain: Chain, dt: float) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Without a: a mode moves by one number, its force."""
+    n, mb = chain.omega.size, len(chain.behind)
+    held = mode_steps(chain.omega, chain.zeta, dt, "zero").hold
+    modes_from = held[:, :, None] * chain.force[:, None, :]
+    if not mb or not n:
+        return modes_from, np.zeros((mb, 2, n)), np.zeros((mb, chain.force.shape[1]))
+    _, from_modes, each = _exponentials(chain, np.zeros((1, 1)), np.ones((n, 1)), dt)
+    return modes_from, from_modes, each[:, :, 0].T @ chain.force
 
 
 def _through(chain: Chain, source: FloatArray, dt: float) -> tuple[FloatArray, FloatArray, FloatArray]:
-    force = np.zeros((chain.omega.size, len(source)))
-    force[:, : chain.force.shape[1]] = chain.force
-    modes_from, from_modes, each = _exponentials(chain, source, force, dt)
+    modes_from, from_modes, each = _exponentials(chain, source, chain.force, dt)
     return modes_from, from_modes, each.sum(axis=0)
 
 

@@ -13,7 +13,6 @@ from functools import partial
 import numpy as np
 
 from flexplant.loop.bordered import bordered
-from flexplant.loop.breaking import disturbed
 from flexplant.loop.diagram import Diagram
 from flexplant.loop.loop_bound import LoopAxis
 from flexplant.loop.norms import certified, has_bordered_form, hinf_norm, loop_axes
@@ -54,17 +53,12 @@ class SensitivityAxis(LoopAxis):
         return np.stack([largest_singular_values(np.asarray(G, dtype=complex)) for G in (S, T, 0.5 * (S - T))])
 
 
-def sensitivity_peaks(diagram: Diagram, signals: list[str], seen_hz: FloatArray) -> dict[str, HinfNorm]:
-    """The norms of S, T and half = (S - T) / 2 of a diagram broken at the signals, infinite with an explanation if unstable.
+def sensitivity_peaks(system: Callable[[str], Diagram], seen_hz: FloatArray) -> dict[str, HinfNorm]:
+    """The norms of S, T and half = (S - T) / 2 of broken loops, infinite with an explanation if unstable.
 
-    seen_hz: where the curves on a grid are highest. Small diagrams, and those without the form of `bordered`, go through
-    `hinf_norm` one by one.
+    system: gives the diagram of each of the three (see `disturbed`). seen_hz: where the curves on a grid are highest. Small
+    diagrams, and those without the form of `bordered`, go through `hinf_norm` one by one.
     """
-    return peaks_of(disturbed(diagram, signals).__getitem__, seen_hz)
-
-
-def peaks_of(system: Callable[[str], Diagram], seen_hz: FloatArray) -> dict[str, HinfNorm]:
-    """The same from what gives the diagrams of S, T and half."""
     if not has_bordered_form(system("S")):
         return {kind: hinf_norm(system(kind), tolerance=TOLERANCE) for kind in KINDS}
     axis = partial(SensitivityAxis, seeds=2 * np.pi * seen_hz)

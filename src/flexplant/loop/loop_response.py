@@ -16,7 +16,7 @@ from flexplant.loop.breaking import checked_signals
 from flexplant.loop.broken import BrokenLoops, one_at_a_time
 from flexplant.loop.diagram import Diagram
 from flexplant.loop.diagram_response import ComplexArray
-from flexplant.loop.loop_peaks import peaks_of
+from flexplant.loop.loop_peaks import sensitivity_peaks
 from flexplant.model.arrays import FloatArray
 from flexplant.plant.modal import ModalPlant
 from flexplant.plant.state_space import StateSpace
@@ -114,7 +114,7 @@ def _margins(loops: BrokenLoops) -> tuple[Margins, _Curves]:
     grid, values = refined_grid(loops.both, search_grid(loops.opened, loops.loops), r)
     curves = _curves(grid, values[r:].reshape(r, r, -1))
     at = np.array([grid[curves.sizes[name][:, 0].argmax()] for name in ("S", "T", "half")])
-    peaks = {kind: _seen_peak(loops, peak) for kind, peak in peaks_of(loops.closed, at).items()}
+    peaks = {kind: _seen_peak(loops, peak) for kind, peak in sensitivity_peaks(loops.closed, at).items()}
     found = crossings(loops.loops, grid, values[:r])
     every = tuple(_loop_margins(loops, k, one, values[k, [0, -1]]) for k, one in enumerate(found))
     stable = bool(np.isfinite(peaks["S"].value))
