@@ -245,3 +245,17 @@ def test_one_and_more_threads_give_the_same_bits():
         found.append(run.stdout)
     assert found[0]
     assert found[0] == found[1] == found[2]
+
+
+@pytest.mark.parametrize(("kind", "products"), [("angles", 5), ("rates", 3), ("both", 8)])
+def test_rows_of_one_ratio_read_one_sum_of_a_mode(kind, products):
+    """What two equal mirrors do (position and rate in one ratio a mode), rates alone, and both of these, which have no ratio."""
+    rng = np.random.default_rng(0)
+    y, a, b, none = rng.normal(size=(2, 50)), rng.normal(size=50), rng.normal(size=50) * 1e-4, np.zeros((2, 50))
+    y[0, 3] = y[:, 4] = 0.0
+    angles, rates = np.hstack([y * a, y * b]), np.hstack([none, y])
+    given = {"angles": [np.hstack([y, none]), angles], "rates": [rates], "both": [angles, rates]}[kind]
+    rows = tiled.Rows(np.vstack(given))
+    assert (rows.ratio is None) == (kind == "both")
+    assert rows.cost == products
+    assert rows.placed @ rows.whole == pytest.approx(np.vstack(given), rel=1e-14, abs=1e-25)
