@@ -4,16 +4,20 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
+from itertools import pairwise
 
+import h5py
 import numpy as np
 import pytest
 from structures import shared
 
 from flexplant.assembly import Connection, couple
 from flexplant.io import read_component, read_model
+from flexplant.model.display import DisplayMesh
 from flexplant.model.geometry import Placement, rigid_body_vectors
 from flexplant.modes import normal_modes
 from flexplant.reduction import craig_bampton
+from flexplant.report.mode_view import mode_view
 from flexplant.verification import mass_properties
 
 
@@ -103,3 +107,23 @@ def test_craig_bampton_beams_reach_mscs_frequencies(n_modes: int) -> None:
     system = couple(parts, [Connection(parts[0].name, parts[1].name, [(6, 6)], directions="26")])
     modes = normal_modes(system)
     np.testing.assert_allclose(modes.frequency_hz, answer["msc"], rtol=1e-6)
+
+
+def test_shapes_of_five_dmig_bars_are_mscs_eigenvectors() -> None:
+    """MSC's own shapes of the chain, at the grids that each copy of the superelement recovers (MUG1T)."""
+    bar = read_component(shared("cofe_dmig_bar", "barmat.pch"), units="SI")
+    names = [f"bar{i}" for i in range(5)]
+    joints = [Connection(a, b, [(2, 1)]) for a, b in pairwise(names)]
+    places = {name: Placement(translation=[float(i), 0, 0]) for i, name in enumerate(names)}
+    chain = couple([replace(bar, name=name) for name in names], [*joints, Connection("bar0", "ground", [1])], placements=places)
+    mesh = DisplayMesh(bar.nodes.ids, bar.nodes.positions, [], [[0, 1]])
+    view = mode_view(chain, normal_modes(chain), dict.fromkeys(names, mesh), numbers=range(1, 11))
+    with h5py.File(shared("cofe_dmig_bar", "modes.h5")) as file:
+        table = file["NASTRAN/RESULT/NODAL/EIGENVECTOR"][:]
+    answer = np.column_stack([table[axis] for axis in "XYZ"]).reshape(10, 6, 3)
+    assert table["ID"][:6].tolist() == [1, 2, 3, 4, 5, 6]
+    ours = view.shapes[:, [0, 1, 3, 5, 7, 9]]  # grid 1 of the first copy, grid 2 of every copy
+    product = np.einsum("kni,kni->k", ours, answer) ** 2
+    mac = product / (np.einsum("kni,kni->k", ours, ours) * np.einsum("kni,kni->k", answer, answer))
+    assert mac.min() > 1 - 1e-10
+    np.testing.assert_array_equal(view.shapes[:, 1], view.shapes[:, 2])  # grid 2 of a copy is grid 1 of the next
