@@ -229,7 +229,16 @@ def loops(plant: fp.ModalPlant) -> dict[str, Call]:
     lens = {"lens": fp.thin_lens(1.5, axes=["x"])}
     wired = {"blocks": {"a": fp.gain(1.0), "b": fp.gain(1.0)}, "outputs": {"z": "b.y"}}
     run = {"outputs": TIP, "every": 1, "progress": None, "unstable": "error", "hold": "first", "initial": None}
-    stream = {"dt": 1e-3, "samples": 5, "start": 0.0, "every": 1, "piece": 10, "unstable": "error", "hold": "first"}
+    stream = {
+        "dt": 1e-3,
+        "samples": 5,
+        "start": 0.0,
+        "every": 1,
+        "piece": 10,
+        "unstable": "error",
+        "hold": "first",
+        "progress": None,
+    }
     optics = {"focal_length": 1.5, "gain": 1800.0, "mirror_omega": 100.0, "mirror_zeta": 0.3, "axes": ["x", "y"]}
     reads = {"plant_outputs": TIP, "closed": True, "commands": False, "signals": ["spot"]}
     return {
@@ -334,6 +343,10 @@ def files(model: fp.FiniteElementModel, part: fp.Component, plant: fp.ModalPlant
             {"plant": plant, "path": folder / "w.fmu", "version": 3, "arrays": True, "dt": 0.1, "name": "n"},
         ),
         "write_results": (fp.write_results, {"results": gain, "path": folder / "w.nc", **over}),
+        "write_results of pieces": (
+            lambda append: fp.write_results(iter([gain.rename(frequency="time")]), folder / "p.nc", append=append),
+            {"append": False},
+        ),
         "run_study": (fp.run_study, {"path": "study.yaml", "output": None, "allow_outside": False, "progress": None}),
         "example_study": (fp.example_study, {"name": "shocksat"}),
     }

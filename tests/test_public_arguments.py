@@ -55,10 +55,10 @@ strain_energy: placement; verify: reference modes; estimate_error: modes n_modes
 ModalPlant: shape_out shape_out_velocity shape_out_acceleration damping static_correction feedthrough;
 modal_plant: n_modes; modal_plant of modes: modes; from_control: inputs outputs; from_scipy: inputs outputs;
 GainSweep at: out; white_noise_rms: intensity; frequency_response: out; line_of_sight_diagram: plant;
-simulate: inputs progress initial; simulate tones: inputs progress initial; simulate_stream: inputs initial;
+simulate: inputs progress initial; simulate tones: inputs progress initial; simulate_stream: inputs progress initial;
 gain: inputs outputs; renamed: inputs outputs; convert: format units read_options; inspect: format units;
-mode_view: numbers; plausibility: found; read_component: format units; read_display_mesh: format units; read_geometry: format units;
-read_reference: units; read_response_functions: units; read_model: format units; run_study: progress; plot: output input
+mode_view: numbers; plausibility: found; read_component: format units; read_display_mesh: format units;
+read_geometry: format units; read_reference: units; read_response_functions: units; read_model: format units; run_study: progress; plot: output input
 [text, long]
 Component: name units; FiniteElementModel: name units; Recovery: name; UnitSystem: name; Reference: source;
 ModalPlant: name; modal_plant: name; descriptor: name; Descriptor: name; StateSpace: name; from_scipy: name; Diagram: name;
@@ -75,7 +75,8 @@ descriptor: inputs outputs; Descriptor: input_units output_units; StateSpace: in
 structural_frequency_response: inputs outputs; line_of_sight_diagram: signals; gain: input_units output_units;
 user_block: input_units output_units; convert: drop; write_plant: sources; mode_view: labels
 [true]
-craig_bampton: keep_basis error_estimate; guyan: keep_basis; rubin: keep_basis error_estimate; Check: passed;
+write_results of pieces: append; Check: passed;
+craig_bampton: keep_basis error_estimate; guyan: keep_basis; rubin: keep_basis error_estimate;
 modal_plant: static_correction; reduce_modes: static_correction; random_response: cross; Diagram: allow_algebraic_loops;
 line_of_sight_diagram: closed commands; convert: overwrite; write_component: basis overwrite; write_model: overwrite;
 write_plant: overwrite; write_plant as FMU: arrays; write_results: overwrite; run_study: allow_outside

@@ -9,7 +9,7 @@ from __future__ import annotations
 import importlib
 import inspect
 import pkgutil
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -26,6 +26,7 @@ from flexplant.io.parse.npz import looks_like_npz, read_npz
 from flexplant.io.parse.own_plant import Plant, unpack_matlab, unpack_plant
 from flexplant.io.write.atomic import replacing
 from flexplant.io.write.ownership import check_replaced, files_of
+from flexplant.io.write.pieces import begun, partial_of
 from flexplant.model.arrays import checked_switch, items_of
 from flexplant.model.component import Component, FiniteElementModel
 
@@ -154,9 +155,19 @@ def write_plant(
     return _write("write_plant", plant, path, options, overwrite, sources)
 
 
-def write_results(results: Any, path: str | Path, *, overwrite: bool = False) -> Path:
-    """Write an xarray Dataset or DataArray to NetCDF-4 (`.nc`); complex `x` becomes `x__real`, `x__imag`."""
-    return _write("write_results", results, path, {}, overwrite)
+def write_results(results: Any, path: str | Path, *, overwrite: bool = False, append: bool = False) -> Path:
+    """Write an xarray Dataset or DataArray to NetCDF-4 (`.nc`); complex `x` becomes `x__real`, `x__imag`.
+
+    results may be what `simulate_stream` returns: its pieces are written one behind the other, and memory holds one at a time.
+    After an error or Ctrl-C the pieces that were finished are kept beside the path, as `long.partial.nc` for `long.nc`;
+    append=True goes on with that file, or with the path itself. Raises InputError for another kind of results, and for pieces
+    that do not fit those before them; WriteError as `write_component`, and where there is nothing to append to.
+    """
+    if checked_switch(append, "append"):
+        check_target("write_results", begun(as_path(path)), overwrite=overwrite)
+    elif isinstance(results, Iterator):
+        check_target("write_results", partial_of(as_path(path)), overwrite=overwrite)
+    return _write("write_results", results, path, {"append": append}, overwrite)
 
 
 def read_plant(path: str | Path) -> Plant:

@@ -8,9 +8,9 @@ import numpy as np
 import xarray as xr
 
 from flexplant.blocks.tones import Tones, tone_signal
-from flexplant.errors import InputError, expect_count
+from flexplant.errors import InputError, expect_count, expect_function
 from flexplant.loop.cascade import Simulated, simulated
-from flexplant.loop.recursion import Runner, chunks
+from flexplant.loop.recursion import Progress, Runner, chunks
 from flexplant.loop.runner import Initial, runner_of
 from flexplant.loop.signals import Signals, sampled
 from flexplant.loop.steady import input_amplitudes
@@ -30,6 +30,7 @@ def simulate_stream(
     hold: str = "first",
     every: int = 1,
     piece: int = 100_000,
+    progress: Progress = None,
     unstable: str = "error",
 ) -> Iterator[xr.Dataset]:
     """The simulation of `simulate` at start + k dt, k < samples, yielded piece by piece: memory does not grow with its length.
@@ -37,8 +38,10 @@ def simulate_stream(
     inputs: a function of the instants (nt,) of a piece that gives what `simulate` takes ((nw, nt) samples, a mapping, a
     DataArray), or Tones (sampled). It is asked for one instant beyond each piece, for the first-order hold. piece: input samples
     a Dataset covers, rounded up to a multiple of `every`. Each Dataset: `outputs` (output, time) at the kept samples,
-    `final_state` (state) at the sample where the next piece begins (after the last: at its last sample). Stop by leaving the
-    loop or by Ctrl-C; what was yielded is complete. From the last `final_state` and its instant a linear system can go on.
+    `final_state` (state) at the instant `final_time`, where the next piece begins (after the last: at its last sample).
+    `write_results` takes the pieces as they come; progress is called with (samples done, samples) after each. Stop by leaving
+    the loop or by Ctrl-C; what was yielded is complete. A linear system goes on from there with start=float(piece.final_time),
+    initial=piece.final_state.values.
     Raises InputError as `simulate` does, before the first piece where it can.
     """
     names = list(simulated(system).inputs)
@@ -47,8 +50,18 @@ def simulate_stream(
     for name, count, least in (("samples", samples, 2), ("every", every, 1), ("piece", piece, 1)):
         expect_count(count, f"simulate_stream: {name}", least=least)
     runner = runner_of(system, dt, initial, hold, every, unstable)
+    expect_function(progress, "simulate_stream: progress", "samples done, samples")
     source = _source(inputs, names)
-    return _pieces(system, runner, source, dt, samples, start, every, -(-piece // every) * every)
+    piece = -(-piece // every) * every
+    return _reported(_pieces(system, runner, source, dt, samples, start, every, piece), piece, samples, progress)
+
+
+def _reported(pieces: Iterator[xr.Dataset], piece: int, samples: int, progress: Progress) -> Iterator[xr.Dataset]:
+    """The pieces; each is said to be done when the next one is asked for, so that it is out of the consumer's hands."""
+    for number, found in enumerate(pieces, 1):
+        yield found
+        if progress is not None:
+            progress(min(number * piece, samples), samples)
 
 
 def _pieces(
@@ -72,8 +85,16 @@ def _pieces(
             parts.append(runner.last(w[-1])[None])
         kept = t[: stop - first : every]
         yield xr.Dataset(
-            {"outputs": (("output", "time"), np.vstack(parts).T), "final_state": (("state",), runner.whole_state)},
-            coords={"time": ("time", kept, {"units": "s"}), "output": list(system.outputs)},
+            {
+                "outputs": (("output", "time"), np.vstack(parts).T),
+                "final_state": (("state",), runner.whole_state),
+                "final_time": ((), t[-1], {"units": "s"}),
+            },
+            coords={
+                "time": ("time", kept, {"units": "s"}),
+                "output": list(system.outputs),
+                "output_units": ("output", list(system.output_units)),
+            },
             attrs={"plant": system.name},
         )
 

@@ -153,7 +153,7 @@ _NEEDED = {
     "singular_values": {"singular_values"},
     "loop_response": {"L_singular", "S_singular", "T_singular"},
     "random_response": {"psd", "cumulative_rms"},
-    "simulate": {"outputs", "inputs"},
+    "simulate": {"outputs", "final_state"},
     "wheel_speed_sweep": {"rms", "amplitude"},
 }
 _DRAWN: dict[str, Callable[[Mapping[str, Any]], go.Figure]] = {
