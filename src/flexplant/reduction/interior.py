@@ -108,6 +108,8 @@ class Interior:
         """(m, n_b + n_q): `pending`'s drive in terms of the component's coordinates [b; q]."""
         n_b, rows = self.part.b.size, self.pending[1]
         none = np.zeros((rows.shape[0], self.modes.shape[1]))
+        if not self.ritz.shape[1]:
+            return np.hstack([rows[:, :n_b], none])
         modal = np.hstack([none, rows[:, n_b:] @ self.rotation[1]])[:, self.order]
         return np.hstack([rows[:, :n_b], modal])
 
@@ -210,7 +212,9 @@ def _enough(part: Partition, omega2: FloatArray, limit: float | None, n_modes: i
 def load_columns(part: Partition, loads: DofSet | Iterable[tuple[int, int | str]]) -> FloatArray:
     """(n_i, k) unit forces at the given DOF; those at the boundary need no vectors and are left out."""
     dofs = DofSet.of(loads)
-    rows = part.model.dofs.rows(dofs.pairs, owner=f"model {part.model.name!r}") if len(dofs) else np.zeros(0, dtype=np.int64)
+    if not len(dofs):
+        return np.zeros((part.i.size, 0))
+    rows = part.model.dofs.rows(dofs.pairs, owner=f"model {part.model.name!r}")
     inside = rows[np.isin(rows, part.i)]
     columns = np.zeros((part.i.size, inside.size))
     columns[np.searchsorted(part.i, inside), np.arange(inside.size)] = 1.0
