@@ -152,6 +152,16 @@ def test_large_state_spaces_are_split_into_their_modes(name, monkeypatch):
     assert (poles.real < 0).all() == (abs(multipliers(hybrid_of(diagram), *rates(name)[1:])) < 1).all()
 
 
+@pytest.mark.parametrize("name", ["filters", "filters, undamped", "two loops", "overdamped"])
+def test_the_closed_loop_has_the_poles_of_the_period(name):
+    """Every multiplier is there, as many lie outside the unit circle, and none is added on it (stable ones may be)."""
+    diagram, at = LOOPS[name]
+    w = np.linalg.eigvals(close(BrokenLoops(diagram, [at] if isinstance(at, str) else at).closed("S")).A)
+    found, exact = (1 + w * T / 2) / (1 - w * T / 2), multipliers(hybrid_of(diagram), T, 1)
+    assert abs(found - exact[:, None]).min(axis=1).max() < 1e-6
+    assert np.count_nonzero(abs(found) > 1 - 1e-9) == np.count_nonzero(abs(exact) > 1 - 1e-9)
+
+
 def inverse_of_one_and(L):
     return np.linalg.inv(np.eye(len(L)) + L)
 
