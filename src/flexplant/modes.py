@@ -32,8 +32,8 @@ class Modes:
     """Normal modes, ascending, mass-normalised: Phi^T M Phi = I, Phi^T K Phi = diag((2 pi f)^2).
 
     frequency_hz: (k,), exactly 0 for the `n_rigid` leading rigid-body modes and mechanisms. shapes: (n, k) in the object's
-    coordinates (a System's uncoupled coordinates p). residuals: (k,) |K phi - w^2 M phi| / |d phi| of the reduced problem,
-    d its stiffness scale: the diagonal of K, or of the inertia where that is mere round-off.
+    coordinates (a System's uncoupled coordinates p). residuals: (k,) |K phi - w^2 M phi| / (|d phi| + w^2 |m phi|) of the reduced
+    problem, m the diagonal of M, d the stiffness scale: the diagonal of K, or of the inertia where that is mere round-off.
     """
 
     frequency_hz: FloatArray
@@ -108,12 +108,12 @@ def normal_modes(model: Modal, *, max_frequency_hz: float | None = None, n_modes
     n = problem.stiffness.shape[0]
     rigid = _rigid_motions(problem)
     few = n_modes is not None and n_modes <= n // 3
+    limit = None if max_frequency_hz is None else (2 * np.pi * max_frequency_hz) ** 2
     if n > DENSE_MAXIMUM and not few and max_frequency_hz is None:
         raise InputError(f"all modes of a model of {n} coordinates do not fit; give n_modes up to {n // 3} or max_frequency_hz")
     if n <= DENSE_LIMIT or (n_modes is None and max_frequency_hz is None) or (n_modes or 0) > n // 3:
-        found = dense_eigenpairs(problem.stiffness, problem.mass, rigid)
+        found = dense_eigenpairs(problem.stiffness, problem.mass, rigid, n_modes=n_modes, max_omega2=limit)
     else:
-        limit = None if max_frequency_hz is None else (2 * np.pi * max_frequency_hz) ** 2
         found = sparse_eigenpairs(problem.stiffness, problem.mass, rigid, n_modes=n_modes, max_omega2=limit)
     return _selected(problem, found, max_frequency_hz, n_modes)
 
@@ -134,7 +134,8 @@ def _selected(problem: _Problem, found: Eigenpairs, max_frequency_hz: float | No
     vectors, omega2 = found.vectors[:, keep], found.omega2[keep]
     force = problem.stiffness @ vectors
     own = np.maximum(abs(problem.stiffness.diagonal()), problem.diagonal)
-    scale = np.linalg.norm(own[:, None] * vectors, axis=0)
+    inertia = abs(omega2) * np.linalg.norm(abs(problem.mass.diagonal())[:, None] * vectors, axis=0)
+    scale = np.linalg.norm(own[:, None] * vectors, axis=0) + inertia
     residuals = np.linalg.norm(force - (problem.mass @ vectors) * omega2, axis=0) / np.where(scale > 0, scale, 1.0)
     shapes = vectors if problem.basis is None else problem.basis @ vectors
     return Modes(hz[keep], shapes, residuals, int(np.count_nonzero(hz[keep][: found.zero] == 0)), problem.labels)

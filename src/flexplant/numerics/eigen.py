@@ -11,15 +11,16 @@ import scipy.sparse as sp
 
 from flexplant.errors import SolverError
 from flexplant.model.arrays import FloatArray, dense
+from flexplant.numerics.eigen_dense import ROUNDED, finite_count, finite_modes, indefinite
 from flexplant.numerics.eigen_small import all_modes, shapes, short_lanczos
 from flexplant.numerics.factorization import Analysis, BandedFactor, Factor, analyze, factorize, refuse_above
 from flexplant.numerics.lanczos import BASIS_BYTES, BLOCK, LanczosPairs, Progress, lanczos
 from flexplant.numerics.products import product
-from flexplant.numerics.rank import EPS, split_semidefinite
+from flexplant.numerics.rank import EPS
 from flexplant.numerics.sturm import count_below, gap_below_last, is_cheap
 
-INDEFINITE = 1e-8  # of a unit diagonal: more negative than any single-precision round-off of a vendor's matrix
 FIRST_GUESS = 20
+SOFT = 1e-6  # of a typical k_ii / m_ii: by that the mass measures coordinates without stiffness
 DENSE_FACTOR = 700  # entries of the factor a row, from which twice as many columns are solved in nearly the same time
 TOGETHER = 16  # columns whose residuals are computed at a time
 WIDER = 4  # times the block, for modes repeated more often than it is wide
@@ -65,19 +66,44 @@ def orthonormalize(vectors: FloatArray, mass: Any) -> FloatArray:
     return np.asarray((vectors @ rotation) / np.sqrt(values))
 
 
-def dense_eigenpairs(stiffness: Any, mass: Any, rigid: FloatArray) -> Eigenpairs:
-    """All finite modes of a small problem; (n, n) matrices, rigid (n, k) spans the known zero-energy motions.
+def dense_eigenpairs(
+    stiffness: Any, mass: Any, rigid: FloatArray, *, max_omega2: float | None = None, n_modes: int | None = None
+) -> Eigenpairs:
+    """The finite modes of a small problem; (n, n) matrices, rigid (n, k) spans the known zero-energy motions.
 
-    The rigid motions are deflated exactly (x with R^T M x = 0), massless directions are condensed statically.
+    All of them, or at least those with w^2 <= max_omega2, or the first n_modes, where these are given: more may come back.
+    The rigid motions are deflated exactly (x with R^T M x = 0); massless directions follow statically.
     Raises SolverError for an indefinite mass, or a mechanism without mass.
     """
     k, m = dense(stiffness), dense(mass)
     zero = orthonormalize(rigid, m)
-    complement = la.qr(m @ zero)[0][:, zero.shape[1] :] if zero.shape[1] else np.eye(k.shape[0])
-    k, m = complement.T @ k @ complement, complement.T @ m @ complement
-    values, vectors = _finite_modes(0.5 * (k + k.T), 0.5 * (m + m.T))
-    omega2, shapes = np.r_[np.zeros(zero.shape[1]), values], np.hstack([zero, complement @ vectors])
-    return Eigenpairs(omega2, shapes, zero.shape[1], residuals(stiffness, mass, omega2, shapes, zero.shape[1]), True)
+    r = zero.shape[1]
+    most = finite_count(m) - r
+    limits: dict[str, Any] = {
+        "max_omega2": np.inf if max_omega2 is None else max_omega2,
+        "enough": None if n_modes is None else max(n_modes - r, 0),
+    }
+    if r:
+        basis = _complement(k, m, zero)
+        kept, moved = basis.T @ k @ basis, basis.T @ m @ basis
+        values, vectors = finite_modes(0.5 * (kept + kept.T), 0.5 * (moved + moved.T), most, **limits)
+        vectors = basis @ vectors
+        vectors -= zero @ (zero.T @ (m @ vectors))
+    else:
+        values, vectors = finite_modes(0.5 * (k + k.T), 0.5 * (m + m.T), most, **limits)
+    omega2, shapes = np.r_[np.zeros(r), values], np.hstack([zero, vectors])
+    return Eigenpairs(omega2, shapes, r, residuals(stiffness, mass, omega2, shapes, r), True)
+
+
+def _complement(k: FloatArray, m: FloatArray, zero: FloatArray) -> FloatArray:
+    """(n, n - r) basis of the motions x with R^T M x = 0 of rigid motions (n, r), orthonormal where every coordinate is
+    measured by its own stiffness: else the stiff ones would leave their round-off to the soft ones."""
+    stiff, heavy = abs(np.diagonal(k)), abs(np.diagonal(m))
+    ratio = np.divide(stiff, heavy, out=np.zeros_like(stiff), where=heavy > 0)
+    typical = float(np.median(ratio[ratio > 0])) if (ratio > 0).any() else 1.0
+    size = stiff + SOFT * typical * heavy
+    d = 1 / np.sqrt(np.where(size > 0, size, size.max(initial=0.0) or 1.0))
+    return np.asarray(d[:, None] * la.qr(d[:, None] * (m @ zero))[0][:, zero.shape[1] :])
 
 
 def dense_lowest(
@@ -101,32 +127,6 @@ def _inside(omega2: FloatArray, limit: float | None, n_modes: int | None) -> int
     """How many of (k,) ascending w^2 are wanted."""
     below = omega2.size if limit is None else int(np.count_nonzero(omega2 <= limit))
     return below if n_modes is None else min(below, n_modes)
-
-
-def _finite_modes(k: FloatArray, m: FloatArray) -> tuple[FloatArray, FloatArray]:
-    split = split_semidefinite(m)
-    if split.lowest < -INDEFINITE:
-        raise SolverError(
-            f"the mass matrix is indefinite (smallest eigenvalue {split.lowest:.3g} of a unit diagonal): check the model's or "
-            "components' masses, their units, and that every interface of components is coupled"
-        )
-    if not split.null.shape[1]:
-        values, vectors = la.eigh(k, m)
-        return np.asarray(values), np.asarray(vectors)
-    t = split.span - split.null @ _condense(split.null.T @ k @ split.null, split.null.T @ k @ split.span)
-    values, vectors = la.eigh(t.T @ k @ t, t.T @ m @ t)
-    return np.asarray(values), np.asarray(t @ vectors)
-
-
-def _condense(knn: FloatArray, kns: FloatArray) -> FloatArray:
-    scale = 1 / np.sqrt(np.maximum(np.diagonal(knn), np.finfo(float).tiny))
-    try:
-        factor = la.cho_factor(scale[:, None] * knn * scale)
-        if np.min(np.abs(np.diagonal(factor[0]))) < 1e-7:
-            raise la.LinAlgError
-    except la.LinAlgError:
-        raise SolverError("a motion has neither mass nor stiffness: couple or ground those DOF") from None
-    return np.asarray(scale[:, None] * la.cho_solve(factor, scale[:, None] * kns))
 
 
 def sparse_eigenpairs(
@@ -204,8 +204,7 @@ def shift_invert(
     the last group of equal ones, which takes one more factorisation (verify_count: True always, False never, None where it
     is cheap beside the solutions). Where fewer were found a wider block tries again, and SolverError follows.
     """
-    narrow = factor.backend == "supernodal" or factor.fill < DENSE_FACTOR * problem.mass.shape[0]
-    block = BLOCK if narrow else 2 * BLOCK
+    block = BLOCK if factor.fill < DENSE_FACTOR * problem.mass.shape[0] else 2 * BLOCK
     widest = WIDER * block
     while True:
         found, columns = _searched(factor, problem, wanted, block, shift, rigid, memory_limit, progress)
@@ -274,12 +273,9 @@ def _refuse_indefinite(mass: Any) -> None:
     """SolverError where inertia shows a mass clearly below zero: Lanczos would return numbers that mean nothing."""
     diagonal = abs(mass.diagonal())
     size = np.where(diagonal > 0, diagonal, np.max(diagonal, initial=0.0) or 1.0)
-    negative = factorize(sp.csc_array(mass + sp.diags_array(INDEFINITE * size))).negative_pivots
+    negative = factorize(sp.csc_array(mass + sp.diags_array(ROUNDED * size))).negative_pivots
     if negative:
-        raise SolverError(
-            f"the mass matrix is indefinite ({negative} negative eigenvalues): check the model's or components' masses, their "
-            "units, and that every interface of components is coupled"
-        )
+        raise SolverError(indefinite(f"{negative} negative eigenvalues"))
 
 
 def _small_shift(k: Any, m: Any) -> float:

@@ -27,10 +27,20 @@ def residual_displacement(system: System, forces: Any, omega: FloatArray, shapes
     """
     L = system.basis
     K = sp.csr_array(L.T @ system.uncoupled_stiffness @ L)
-    momentum = system.uncoupled_mass @ shapes
+    momentum = _momentum(system.uncoupled_mass, system.uncoupled_stiffness, omega, shapes)
     load = L.T @ (dense(forces) - momentum @ (shapes.T @ dense(forces)))
     p = L @ _inertia_relief(K, L.T @ momentum[:, omega == 0], load)
     return np.asarray(p - shapes @ (momentum.T @ p))
+
+
+def _momentum(mass: Any, stiffness: Any, omega: FloatArray, shapes: FloatArray) -> FloatArray:
+    """M Phi (n, k); of a mode so stiff that its mass is what is left of cancelling larger ones, the same as K phi / omega^2."""
+    momentum = np.asarray(mass @ shapes)
+    terms = (abs(matrix.diagonal()) @ shapes**2 for matrix in (mass, stiffness))  # what phi^T M phi and phi^T K phi sum up
+    inertia, energy = (np.asarray(term) for term in terms)
+    stiff = np.flatnonzero(omega**2 * inertia > energy)
+    momentum[:, stiff] = (stiffness @ shapes[:, stiff]) / omega[stiff] ** 2
+    return momentum
 
 
 def _inertia_relief(K: sp.csr_array, border: FloatArray, load: FloatArray) -> FloatArray:
