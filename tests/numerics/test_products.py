@@ -1,4 +1,4 @@
-"""Products of a sparse matrix with columns against scipy's, for any number of columns, order in memory and kind of matrix."""
+"""Products of sparse matrices and of tall blocks against numpy, for any number of columns, order in memory and kind of matrix."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ import pytest
 import scipy.sparse as sp
 
 from flexplant.numerics import products
+from flexplant.numerics.blocks import minus, shares
 from flexplant.numerics.products import product
 
 
@@ -45,6 +46,23 @@ def test_parts_of_arrays_and_other_kinds_of_matrices(compiled):
 
 def test_without_the_compiler_the_product_is_the_same(monkeypatch):
     monkeypatch.setattr(products, "LARGE", 1)
-    monkeypatch.setattr(products, "_compiled_is_there", lambda: False)
+    monkeypatch.setattr(products, "compiled_is_there", lambda: False)
     matrix, block = sparse(), np.random.default_rng(0).standard_normal((45, 9))
     np.testing.assert_array_equal(product(matrix, block), matrix @ block)
+
+
+@pytest.mark.parametrize("n", [9, 1030])
+@pytest.mark.parametrize("wide", [1, 8, 16, 21, 24, 40])
+@pytest.mark.parametrize("count", [0, 5, 8, 19, 32])
+@pytest.mark.parametrize("order", ["C", "F"])
+def test_products_of_tall_blocks(compiled, n, wide, count, order):
+    rng = np.random.default_rng(n + wide)
+    columns = np.asarray(rng.standard_normal((n, count + 3)), order="F")[:, 2 : 2 + count]
+    columns = np.asarray(columns, order=order)
+    block, share = rng.standard_normal((n, wide)), rng.standard_normal((count, wide))
+    kept = block.copy()
+    bound = 1e-15 * n
+    np.testing.assert_allclose(shares(columns, block), columns.T @ block, rtol=0, atol=10 * bound)
+    np.testing.assert_allclose(minus(block, columns, share), block - columns @ share, rtol=0, atol=1e-13)
+    np.testing.assert_allclose(shares(columns, np.asfortranarray(block)), columns.T @ block, rtol=0, atol=10 * bound)
+    np.testing.assert_array_equal(block, kept)

@@ -9,13 +9,14 @@ import numpy as np
 from scipy.linalg.blas import dgemm
 
 from flexplant.model.arrays import FloatArray
+from flexplant.numerics.blocks import minus, shares
 from flexplant.numerics.products import product
 from flexplant.numerics.rank import EPS
 
 DEPENDENT = 1e-11  # of a block's size before it was made orthogonal: what is left below that is round-off
 SHRUNK = 1e-3  # of that size: below it one more orthogonalisation is needed
 WELL_CONDITIONED = 1e-3  # smallest eigenvalue of a unit-diagonal Gram matrix above which one pass makes it orthonormal
-CHUNK = 8192  # rows rotated at a time in a restart, so that it needs no second basis
+CHUNK = 8192  # rows rotated at a time in a restart, so that it needs no second basis, and copied at a time
 
 
 class Krylov:
@@ -55,7 +56,7 @@ class Krylov:
     def _purged(self, block: FloatArray, image: FloatArray) -> tuple[FloatArray, FloatArray]:
         """The block without its part in the basis, and M times it."""
         columns = self.basis[:, : self.size]
-        block = minus(block, columns, columns.T @ image)
+        block = minus(block, columns, shares(columns, image))
         return block, product(self.mass, block)
 
     def step(self) -> None:
@@ -64,9 +65,9 @@ class Krylov:
         mine = self._local[-1] if self._local else product(self.mass, self.basis[:, last:end])
         block = self.solve(mine)
         if self._local:
-            share = np.vstack([image.T @ block for image in self._local])
+            share = np.vstack([shares(image, block) for image in self._local])
         else:
-            share = self.basis[:, low:end].T @ product(self.mass, block)
+            share = shares(self.basis[:, low:end], product(self.mass, block))
         first = end - share.shape[0]
         block = minus(block, self.basis[:, first:end], share)
         image = product(self.mass, block)
@@ -88,7 +89,8 @@ class Krylov:
             fresh, fresh_image = self._fresh(q, image)
             q, image = np.hstack([q, fresh]), np.hstack([image, fresh_image])
             b = np.vstack([b, np.zeros((fresh.shape[1], b.shape[1]))])
-        self.basis[:, self.size : self.size + q.shape[1]] = q
+        for start in range(0, q.shape[0], CHUNK):  # rows that are near still when the next column takes them
+            self.basis[start : start + CHUNK, self.size : self.size + q.shape[1]] = q[start : start + CHUNK]
         self.size += q.shape[1]
         self._local = (image,)
         return b
@@ -100,7 +102,7 @@ class Krylov:
         block_image = product(self.mass, block)
         limit = DEPENDENT * norms(block, block_image).max(initial=0.0)
         for _ in range(2):
-            block, block_image = self._purged(block - q @ (image.T @ block), block_image)
+            block, block_image = self._purged(minus(block, q, shares(image, block)), block_image)
             block, block_image, _ = factored(block, block_image, limit)
             limit = 0.5
         self.exhausted = block.shape[1] < missing
@@ -131,13 +133,6 @@ class Krylov:
         self.last, self.size, self._local = low + keep, low + keep + wide, ()
 
 
-def minus(block: FloatArray, columns: FloatArray, share: FloatArray) -> FloatArray:
-    """block - columns @ share in one pass over the columns, which must be Fortran-contiguous."""
-    if not share.size:
-        return block
-    return np.asarray(dgemm(-1.0, columns, share, beta=1.0, c=np.array(block, order="F"), overwrite_c=True))
-
-
 def norms(block: FloatArray, image: FloatArray) -> FloatArray:
     """Mass norms of columns, (k,), from the block and M times it."""
     return np.asarray(np.sqrt(np.maximum(np.einsum("ij,ij->j", block, image), 0.0)))
@@ -152,7 +147,7 @@ def factored(block: FloatArray, image: FloatArray, limit: float) -> tuple[FloatA
     """block = Q B with Q^T M Q = I, given image = M block; also M Q. Directions not larger than `limit` are left out."""
     b = np.eye(block.shape[1])
     for cut in (DEPENDENT, 0.0):
-        gram = block.T @ image
+        gram = shares(block, image)
         size = np.sqrt(np.maximum(np.diagonal(gram), 0.0))
         live = np.flatnonzero(size > limit)
         size, limit = size[live], 0.0

@@ -17,8 +17,15 @@ FEW = 4  # columns that are not worth being filled up to as many
 
 
 @cache
-def _compiled_is_there() -> bool:
+def compiled_is_there() -> bool:
+    """Whether numba is installed."""
     return importlib.util.find_spec("numba") is not None
+
+
+def aligned(size: int) -> FloatArray:
+    """(size,) values, not set, that begin where a line of memory does, as eight of them in a register should."""
+    room = np.empty(size + WIDTH)
+    return room[(-room.ctypes.data // room.itemsize) % WIDTH :][:size]
 
 
 def product(matrix: Any, block: FloatArray) -> FloatArray:
@@ -33,7 +40,7 @@ def product(matrix: Any, block: FloatArray) -> FloatArray:
     if wide > k:
         x = np.zeros((block.shape[0], wide))
         x[:, :k] = block
-    out = np.empty((matrix.shape[0], wide))
+    out = aligned(matrix.shape[0] * wide).reshape(-1, wide)
     multiply(matrix.indptr, matrix.indices, matrix.data, x.reshape(-1), wide, out.reshape(-1))
     return out if wide == k else out[:, :k]
 
@@ -41,4 +48,4 @@ def product(matrix: Any, block: FloatArray) -> FloatArray:
 def _suits(matrix: Any, block: FloatArray) -> bool:
     if block.ndim != 2 or block.shape[1] < FEW or matrix.shape[0] < LARGE or not sp.issparse(matrix) or matrix.format != "csr":
         return False
-    return matrix.dtype == block.dtype == np.float64 and _compiled_is_there()
+    return matrix.dtype == block.dtype == np.float64 and compiled_is_there()

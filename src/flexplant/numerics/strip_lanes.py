@@ -133,39 +133,39 @@ def scattered(_, x, rows, k, wide, shift, tile):
 
 
 @intrinsic
-def outer(_, values, p, x, at, tile):
-    """The tile plus a column of a strip times a row of x."""
+def outer(_, values, p, step, x, at, tile):
+    """The tile plus eight values, `step` apart, times a row of x."""
     m = tile.count // WIDTH
 
     def code(context, builder, signature, arguments):
-        strip, row = (pointed(context, builder, signature.args[k], *arguments[k : k + 2]) for k in (0, 2))
-        sums, out = cgutils.unpack_tuple(builder, arguments[4]), []
+        strip, row = (pointed(context, builder, signature.args[k], *arguments[k : k + 2]) for k in (0, 3))
+        sums, out = cgutils.unpack_tuple(builder, arguments[5]), []
         x_row = [loaded(builder, moved(builder, row, WIDTH * v)) for v in range(m)]
         for i in range(WIDTH):
-            one = repeated(builder, moved(builder, strip, i))
+            one = repeated(builder, builder.gep(strip, [builder.mul(arguments[2], ir.Constant(PLACE, i))]))
             out += [fused(builder, one, x_row[v], sums[i * m + v]) for v in range(m)]
         return context.make_tuple(builder, signature.return_type, out)
 
-    return tile(values, types.intp, x, types.intp, tile), code
+    return tile(values, types.intp, types.intp, x, types.intp, tile), code
 
 
 @intrinsic
-def inner(_, values, p, x, at, tile):
-    """Add a column of a strip, transposed, times a tile to a row of x."""
+def inner(_, values, p, step, x, at, tile):
+    """Add eight values, `step` apart, times the rows of a tile to a row of x."""
     m = tile.count // WIDTH
 
     def code(context, builder, signature, arguments):
-        strip, row = (pointed(context, builder, signature.args[k], *arguments[k : k + 2]) for k in (0, 2))
-        held, places = cgutils.unpack_tuple(builder, arguments[4]), [moved(builder, row, WIDTH * v) for v in range(m)]
+        strip, row = (pointed(context, builder, signature.args[k], *arguments[k : k + 2]) for k in (0, 3))
+        held, places = cgutils.unpack_tuple(builder, arguments[5]), [moved(builder, row, WIDTH * v) for v in range(m)]
         sums = [loaded(builder, place) for place in places]
         for i in range(WIDTH):
-            one = repeated(builder, moved(builder, strip, i))
+            one = repeated(builder, builder.gep(strip, [builder.mul(arguments[2], ir.Constant(PLACE, i))]))
             sums = [fused(builder, one, held[i * m + v], sums[v]) for v in range(m)]
         for place, value in zip(places, sums, strict=True):
             written(builder, value, place)
         return context.get_dummy_value()
 
-    return types.none(values, types.intp, x, types.intp, tile), code
+    return types.none(values, types.intp, types.intp, x, types.intp, tile), code
 
 
 def _corner(backwards):

@@ -16,7 +16,7 @@ from flexplant.model.arrays import FloatArray, IntArray
 from flexplant.numerics.factorization.front_lanes import entered, extended, handed_on, packed, placed, solved_below
 from flexplant.numerics.factorization.panel_lanes import STRIP
 from flexplant.numerics.factorization.supernodes import Supernodes, in_strips
-from flexplant.numerics.lanes import WIDTH
+from flexplant.numerics.products import aligned
 
 TOGETHER = 32  # rows below a triangle that are solved side by side
 
@@ -45,12 +45,6 @@ def layout(nodes: Supernodes) -> tuple[IntArray, IntArray, IntArray]:
     rows = np.full(start[-1], nodes.order.size)
     rows[np.repeat(start[:-1] - nodes.start[:-1], r) + np.arange(nodes.rows.size)] = nodes.rows
     return np.r_[0, np.cumsum(STRIP * STRIP * strips * (strips + 1) // 2 + c * wide)], start, rows
-
-
-def aligned(size: int) -> FloatArray:
-    """(size,) values, not set, that begin where a line of memory does."""
-    room = np.empty(size + WIDTH)
-    return room[(-room.ctypes.data // room.itemsize) % WIDTH :][:size]
 
 
 class Fronts:

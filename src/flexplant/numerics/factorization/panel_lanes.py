@@ -37,7 +37,7 @@ def strip_down(values, p, row, x, low, wide, shift, m):
     sums = taken(x, low + row * wide + shift, wide, m)
     for j in range(row):
         ahead(values, p + STRIP * j + SOON)
-        sums = outer(values, p + STRIP * j, x, low + j * wide + shift, sums)
+        sums = outer(values, p + STRIP * j, 1, x, low + j * wide + shift, sums)
     put(x, low + row * wide + shift, wide, corner_down(values, p + STRIP * row, sums))
 
 
@@ -48,7 +48,7 @@ def strip_up(values, p, row, x, low, wide, shift, m):
     put(x, low + row * wide + shift, wide, held)
     for j in range(row):
         ahead(values, p + STRIP * j + SOON)
-        inner(values, p + STRIP * j, x, low + j * wide + shift, held)
+        inner(values, p + STRIP * j, 1, x, low + j * wide + shift, held)
 
 
 @inlined
@@ -57,7 +57,7 @@ def below_down(values, p, columns, x, low, rows, k, wide, shift, m):
     sums = blank(m)
     for j in range(columns):
         ahead(values, p + STRIP * j + SOON)
-        sums = outer(values, p + STRIP * j, x, low + j * wide + shift, sums)
+        sums = outer(values, p + STRIP * j, 1, x, low + j * wide + shift, sums)
     scattered(x, rows, k, wide, shift, sums)
 
 
@@ -67,7 +67,7 @@ def below_up(values, p, columns, x, low, rows, k, wide, shift, m):
     held = gathered(x, rows, k, wide, shift, m)
     for j in range(columns):
         ahead(values, p + STRIP * j + SOON)
-        inner(values, p + STRIP * j, x, low + j * wide + shift, held)
+        inner(values, p + STRIP * j, 1, x, low + j * wide + shift, held)
 
 
 @compiled

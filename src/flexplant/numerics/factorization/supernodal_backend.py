@@ -14,6 +14,7 @@ from flexplant.errors import MissingExtraError
 from flexplant.model.arrays import FloatArray
 from flexplant.numerics.factorization import rslab_backend, superlu_backend
 from flexplant.numerics.factorization.protocol import Analysis, Estimate, Factor
+from flexplant.numerics.products import aligned
 
 WIDTH = 8  # columns that are solved side by side
 FEWEST, MOST = 16, 64  # columns at a time: with more a column takes less time, and more memory,
@@ -56,7 +57,6 @@ class CholeskyFactor:
         return int(np.clip(ROOM // self.panels.nodes.order.size, FEWEST, MOST)) // FEWEST * FEWEST
 
     def _solve_some(self, columns: FloatArray, out: FloatArray) -> None:
-        from flexplant.numerics.factorization.multifrontal import aligned
         from flexplant.numerics.factorization.panel_lanes import STRIP, backward, forward, one_column
 
         p, order, k = self.panels, self.panels.nodes.order, columns.shape[1]
