@@ -71,6 +71,7 @@ LOOPS = {
     "two loops": (servo(second=transfer_function([-300.0, 290.0], [1.0, -0.3], dt=T)), ["plant.y", "plant.z"]),
     "overdamped": (servo(structure(zeta=[0, 3.0, 0.5, 1.0, 0.01, 0.02, 1.5])), "plant.y"),
     "analog loop inside": (servo(second=transfer_function([-0.5, 0.0], [1e-3, 1.0])), "plant.y"),
+    "direct": (servo(replace(structure(), feedthrough=[[1e-4, 0], [0, 0]]), around=(gain(2.0), ACTUATOR)), "filter.y"),
     "all digital": (servo(fp.discretize(structure(), T)), "plant.y"),
     "three rates": (
         servo(gain=800.0, dt=6 * T, second=transfer_function([-90.0, 80.0], [1.0, -0.3], dt=2 * T), delay=1),
