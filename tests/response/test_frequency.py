@@ -11,6 +11,7 @@ from flexplant.errors import InputError
 from flexplant.plant.discretize import discretize
 from flexplant.plant.modal import ModalPlant
 from flexplant.plant.state_space import Descriptor, StateSpace, state_space
+from flexplant.response import coupled_modes
 from flexplant.response.frequency import frequency_response, frequency_response_blocks
 
 
@@ -85,12 +86,13 @@ def test_damped_rigid_mode_and_defective_damping_fall_back():
         inputs=plant.inputs,
         outputs=plant.outputs,
     )
-    hz = np.array([0.1, 2.0, 300.0])
+    hz = np.geomspace(0.1, 300.0, 30)
     assert error(frequency_response(grounded, hz), second_order(grounded, hz)) < 1e-12
+    turned = np.array([[0.8, -0.6], [0.6, 0.8]])
     critical = ModalPlant(
         omega=[4.0, 4.0],
         zeta=1.0,
-        damping=np.diag([8.0, 8.0]),
+        damping=turned @ np.diag([8.0, 2.0]) @ turned.T,  # a double pole at -4 without two eigenvectors
         shape_in=np.ones((2, 3)),
         shape_out=np.ones((4, 2)),
         shape_out_velocity=np.ones((4, 2)),
@@ -98,7 +100,30 @@ def test_damped_rigid_mode_and_defective_damping_fall_back():
         inputs=plant.inputs,
         outputs=plant.outputs,
     )
+    hz = np.geomspace(0.01, 10, 40)
     assert error(frequency_response(critical, hz), second_order(critical, hz)) < 1e-12
+
+
+@pytest.mark.parametrize("slow", [0.0, 1e-5, 1e-3, 0.1, 3.0])
+@pytest.mark.parametrize("loosely", [False, True])
+def test_near_rigid_modes_that_damping_couples_keep_twelve_digits(slow, loosely, monkeypatch):
+    """Against a solution a frequency; round-off of the fast modes, 1e-12 of them, is 1e-7 of poles at 1e-5 rad/s."""
+    rng, n = np.random.default_rng(5), 24
+    omega = np.r_[slow * (1 + 0.1 * np.arange(6)), 2 * np.pi * np.geomspace(1, 2000, n - 6)]
+    X, size = rng.normal(size=(n, n)), np.sqrt(2 * 0.01 * np.maximum(omega, 1e-3 if loosely else 1.0))
+    kinds = {f"shape_out{kind}": rng.normal(size=(2, n)) for kind in ("", "_velocity", "_acceleration")}
+    damping = np.outer(size, size) * (X @ X.T) / n
+    forces = rng.normal(size=(n, 2))
+    plant = ModalPlant(omega=omega, zeta=0.0, damping=damping, shape_in=forces, inputs=["f", "g"], outputs=["x", "y"], **kinds)
+    hz, solved, solution = np.geomspace(1e-3, 2e4, 200), [], coupled_modes._by_solution
+    monkeypatch.setattr(coupled_modes, "_by_solution", lambda p, k, w, **s: (solved.append(w.size), solution(p, k, w, **s))[1])
+    found = frequency_response(plant, hz).values
+    assert max(solved) <= coupled_modes.FEW, "poles and residues do it, without a solution at every frequency"
+    for k in range(0, hz.size, 7):
+        w = 2 * np.pi * hz[k]
+        eta = np.linalg.solve(np.diag((omega - w) * (omega + w)) + 1j * w * damping, forces)
+        terms = [(1j * w) ** order * shapes for order, shapes in enumerate(kinds.values())]
+        assert (abs(found[:, :, k] - sum(terms) @ eta) < 1e-12 * sum(abs(c) @ abs(eta) for c in terms)).all()
 
 
 def test_python_control_agrees():

@@ -78,7 +78,7 @@ class ModalPlant:
             self._set(units, checked_units(getattr(self, units), len(names), units, owner))
         self._check_shapes(owner)
         if self.damping is not None and not np.allclose(
-            self.damping, self.damping.T, rtol=1e-6, atol=1e-6 * abs(self.damping).max()
+            self.damping, self.damping.T, rtol=1e-6, atol=1e-6 * abs(self.damping).max(initial=0.0)
         ):
             raise ModelError(f"{owner}: damping matrix is not symmetric")
 

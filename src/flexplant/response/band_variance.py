@@ -64,12 +64,11 @@ def band_variance(
     nu, w = start.shape[0], 2 * np.pi * hz
     width = np.diff(w)
     pairs = [(i, i) for i in range(nu)] if start.ndim == 2 else [(i, j) for i in range(nu) for j in range(nu)]
-    first, last = start.reshape(len(pairs), -1), end.reshape(len(pairs), -1)
+    first, last = start.reshape(len(pairs), width.size), end.reshape(len(pairs), width.size)
     slope = (last - first) / width
     level = first - slope * w[:-1]
-    variance = sum(
-        np.outer(D[:, i] * D[:, j], (0.5 * (a + b) * width).real) for (i, j), a, b in zip(pairs, first, last, strict=True)
-    )
+    direct = (np.outer(D[:, i] * D[:, j], (0.5 * (a + b) * width).real) for (i, j), a, b in zip(pairs, first, last, strict=True))
+    variance = sum(direct, start=np.zeros((D.shape[0], width.size)))
     for block in range(0, poles.size, CHUNK):
         at = slice(block, block + CHUNK)
         mirrored = (left[:, None, :] * right.T) @ (1 / (-poles[at] - poles[:, None])) + D[:, :, None]

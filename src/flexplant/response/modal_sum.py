@@ -8,18 +8,16 @@ from typing import TypeAlias
 
 import numpy as np
 import numpy.typing as npt
-import scipy.linalg
 
 from flexplant.errors import InputError
 from flexplant.model.arrays import FloatArray, IntArray
 from flexplant.plant.modal import ModalPlant
 from flexplant.plant.subset import with_modes
+from flexplant.response.coupled_modes import CoupledResponse
 from flexplant.response.receptance import ModalSum
 
 ComplexArray: TypeAlias = npt.NDArray[np.complex128]
-BLOCK = 512  # frequencies whose modal transfer functions stay in cache
 RIGID_ROUND_OFF = 1e-9  # rigid-body response relative to its terms, below which it is taken as cancelled at 0 Hz
-WELL_CONDITIONED = 1e5  # eigenvectors up to which pole-residue sums keep about eleven digits
 
 
 def modal_response(plant: ModalPlant, hz: FloatArray, out: ComplexArray | None = None) -> ComplexArray:
@@ -34,11 +32,15 @@ class ModalResponse:
     """
 
     def __init__(self, plant: ModalPlant) -> None:
+        self._coupled: CoupledResponse | None = None
+        if plant.damping is not None:
+            plant, rest = _divided(plant)
+            self._coupled = CoupledResponse(rest, list(_kinds(rest))) if rest.n_modes else None
         self.plant, self._direct = plant, np.ascontiguousarray(plant.direct)
         self._first: list[_Kind] = []  # write the rows that no kind before wrote
         self._later: list[_Kind] = []  # add to rows
         self._silent = np.ones(len(plant.outputs), dtype=bool)
-        if plant.damping is None and plant.n_modes and plant.inputs:
+        if plant.n_modes and plant.inputs:
             for rows, order, shapes in _kinds(plant):
                 for kinds, which in ((self._first, self._silent[rows]), (self._later, ~self._silent[rows])):
                     if which.any():
@@ -50,9 +52,6 @@ class ModalResponse:
         plant = self.plant
         out = np.empty((len(plant.outputs), len(plant.inputs), omega.size), dtype=complex) if out is None else out
         out[self._silent] = self._direct[self._silent][:, :, None]
-        if plant.damping is not None:
-            _add_fully_damped(plant, omega, out)
-            return out
         if plant.n_modes:
             _refuse_poles(plant, omega)
             _refuse_infinite(plant, omega)
@@ -64,6 +63,8 @@ class ModalResponse:
         for kind in self._later:
             flat[kind.entries] += kind.total(omega, derivative=kind.order)
             _add_at_zero(kind, omega, flat)
+        if self._coupled is not None:
+            self._coupled(omega, out)
         return out
 
 
@@ -115,23 +116,6 @@ def _kinds(plant: ModalPlant) -> Iterator[tuple[npt.NDArray[np.int64], int, Floa
             yield rows, order, shapes[rows]
 
 
-def _add_rigid(plant: ModalPlant, omega: FloatArray, out: ComplexArray) -> npt.NDArray[np.bool_]:
-    """Adds the rigid-body modes, residue * (i w)^order / (-w^2), exactly; returns which modes are left."""
-    rigid = np.asarray(plant.omega == 0)
-    flexible: npt.NDArray[np.bool_] = ~rigid
-    if flexible.all():
-        return flexible
-    at_zero = omega == 0
-    safe = np.where(at_zero, 1.0, omega)
-    for rows, order, shapes in _kinds(plant):
-        residue = shapes[:, rigid] @ plant.shape_in[rigid]
-        if order < 2 and at_zero.any():
-            _refuse_rigid_at_zero(plant, rows, shapes, residue)
-        factor = (-1 / safe**2 + 0j, -1j / safe, np.ones(omega.size, complex))[order]
-        out[rows] += residue[:, :, None] * (factor if order == 2 else np.where(at_zero, 0.0, factor))
-    return flexible
-
-
 def _refuse_rigid_at_zero(plant: ModalPlant, rows: npt.NDArray[np.int64], shapes: FloatArray, residue: FloatArray) -> None:
     rigid = plant.omega == 0
     terms = abs(shapes[:, rigid]) @ abs(plant.shape_in[rigid])
@@ -161,64 +145,15 @@ def _refuse_poles(plant: ModalPlant, omega: FloatArray) -> None:
         )
 
 
-def _add_fully_damped(plant: ModalPlant, omega: FloatArray, out: ComplexArray) -> None:
-    """Modes coupled by damping: undamped rigid-body modes apart, the rest by poles and residues, or frequency by frequency."""
+def _divided(plant: ModalPlant) -> tuple[ModalPlant, ModalPlant]:
+    """(the plant with all modes but only those excited that damping does not couple, their ratios its own; the others alone)."""
     assert plant.damping is not None
-    free = (plant.omega == 0) & ~plant.damping.any(axis=1)
-    rest = ~free
-    if free.any():
-        _add_rigid(_part(plant, free), omega, out)
-    if not rest.any():
-        return
-    part = _part(plant, rest)
-    if (part.omega == 0).any() or not _add_pole_residue(part, omega, out):
-        _add_by_solution(part, omega, out)
-
-
-def _part(plant: ModalPlant, which: npt.NDArray[np.bool_]) -> ModalPlant:
-    """The selected modes alone, without direct terms."""
-    return replace(with_modes(plant, which), feedthrough=None, static_correction=None)
-
-
-def _add_pole_residue(plant: ModalPlant, omega: FloatArray, out: ComplexArray) -> bool:
-    """One complex eigen-decomposition in the states (wn eta, eta'); False where its vectors are badly conditioned.
-
-    eta = wn^-1 x1 and eta' = x2; acceleration rows use eta'' = i w eta'.
-    """
-    n, wn = plant.n_modes, plant.omega
-    A = np.block([[np.zeros((n, n)), np.diag(wn)], [-np.diag(wn), -plant.damping_matrix]])
-    poles, vectors = scipy.linalg.eig(A)
-    if np.linalg.cond(vectors) > WELL_CONDITIONED or not _clear_of(poles, omega):
-        return False
-    left = np.linalg.solve(vectors, np.vstack([np.zeros_like(plant.shape_in), plant.shape_in]).astype(complex))
-    for rows, order, shapes in _kinds(plant):
-        right = shapes @ (vectors[:n] / wn[:, None] if order == 0 else vectors[n:])
-        residues = (right[:, None, :] * left.T[None, :, :]).reshape(-1, 2 * n)
-        for start in range(0, omega.size, BLOCK):
-            at = slice(start, start + BLOCK)
-            s = 1j * omega[at]
-            block = (residues @ (1 / (s - poles[:, None]))).reshape(rows.size, -1, s.size)
-            out[rows, :, at] += block * s if order == 2 else block
-    return True
-
-
-def _clear_of(poles: ComplexArray, omega: FloatArray) -> bool:
-    """False where an evaluation point coincides with a pole to round-off; the direct solution then decides."""
-    near = poles[abs(poles.real) <= 1e-12 * abs(poles).max()]
-    return not any((abs(1j * omega - p) <= 1e-12 * abs(poles).max()).any() for p in near)
-
-
-def _add_by_solution(plant: ModalPlant, omega: FloatArray, out: ComplexArray) -> None:
-    """(wn^2 - w^2 + i w Z) eta = b, one factorisation a frequency."""
-    for k, w in enumerate(omega):
-        dynamic = np.diag((plant.omega - w) * (plant.omega + w)) + 1j * w * plant.damping_matrix
-        try:
-            eta = np.linalg.solve(dynamic, plant.shape_in.astype(complex))
-        except np.linalg.LinAlgError:
-            mode = int(np.argmin(abs(plant.omega - w)))
-            raise InputError(
-                f"modal plant {plant.name!r}: {w / (2 * np.pi):.9g} Hz lies on a pole without damping, near mode {mode} "
-                "(counted from 0); move the frequency"
-            ) from None
-        for rows, order, shapes in _kinds(plant):
-            out[rows, :, k] += (1j * w) ** order * (shapes @ eta)
+    own = np.diag(plant.damping)
+    coupled = (plant.damping - np.diag(own)).any(axis=1) | ((plant.omega == 0) & (own != 0))
+    zeta = np.divide(own, 2 * plant.omega, out=np.zeros_like(own), where=plant.omega > 0)
+    coupled |= zeta < 0
+    apart = replace(
+        plant, damping=None, zeta=np.where(coupled, 1.0, zeta), shape_in=np.where(coupled[:, None], 0.0, plant.shape_in)
+    )
+    rest = replace(with_modes(plant, coupled), feedthrough=None, static_correction=None)
+    return (with_modes(apart, ~coupled) if coupled.all() else apart), rest
