@@ -212,38 +212,58 @@ def test_exact_to_twelve_digits_against_long_double():
 THREADS = """
 import numpy as np
 from flexplant.blocks.sampled import saturation
+from flexplant.blocks.tones import Tones
+from flexplant.blocks.transfer_function import transfer_function
 from flexplant.loop.diagram import Diagram
+from flexplant.loop.frequency import frequency_response
+from flexplant.loop.harmonic import harmonic_response
 from flexplant.loop.line_of_sight import LineOfSight, line_of_sight_diagram
 from flexplant.loop.simulate import simulate
 from flexplant.plant.modal import ModalPlant
+from flexplant.plant.state_space import StateSpace
 
 rng = np.random.default_rng(0)
+phi = rng.normal(size=(200, 6))
 plant = ModalPlant(
-    omega=np.r_[0.0, np.sort(rng.uniform(5, 6000, 199))], zeta=0.005, shape_in=rng.normal(size=(200, 6)),
-    shape_out=rng.normal(size=(6, 200)), inputs=[f"u{k}" for k in range(6)], outputs=[f"y{k}" for k in range(6)],
+    omega=np.r_[0.0, np.sort(rng.uniform(5, 6000, 199))], zeta=0.005, shape_in=phi,
+    shape_out=np.vstack([phi[:, 5], rng.normal(size=(5, 200))]), inputs=[f"u{k}" for k in range(6)],
+    outputs=[f"y{k}" for k in range(6)],
 )
 los = LineOfSight(focal_length=1.5, gain=1800.0, mirror_omega=100.0, mirror_zeta=0.3)
 loop = line_of_sight_diagram(los, plant, plant_outputs=["y0", "y1"], signals=("spot", "angle", "tilt"))
-limited = Diagram(
-    blocks={"plant": plant, "clip": saturation(-1.0, 1.0)}, connections=[("plant.y0", "clip.u"), ("clip.y", "plant.u0")],
-    inputs={f"u{k}": f"plant.u{k}" for k in range(1, 6)}, outputs={"y": "plant.y1", "p": "clip.y"},
-)
+
+def around(block, **outputs):
+    wires = [("plant.y0", "block.u"), ("block.y", "plant.u5")]
+    inputs = {f"u{k}": f"plant.u{k}" for k in range(5)}
+    blocks, outputs = {"plant": plant, "block": block}, {"y": "plant.y1", **outputs}
+    return Diagram(blocks=blocks, connections=wires, inputs=inputs, outputs=outputs)
+
+limited = around(saturation(-1.0, 1.0), p="block.y")
+damped = around(transfer_function([-30.0, -1000.0], [1e-3, 1.0]))
+turned = np.linalg.qr(rng.normal(size=(240, 240)))[0]
+double = turned @ np.kron(np.eye(120), [[-60.0, 9.0], [0.0, -60.0]]) @ turned.T
+dense = StateSpace(double, turned[:, :2], turned[:3], np.zeros((3, 2)), ["u", "v"], ["x", "y", "z"])
 t = np.arange(9001) * 1e-4
-for system in (plant, loop, limited):
-    result = simulate(system, t, rng.normal(size=(len(system.inputs), t.size)))
+for system, nt in ((plant, 9001), (loop, 9001), (limited, 9001), (damped, 500), (dense, 500)):
+    result = simulate(system, t[:nt], rng.normal(size=(len(system.inputs), nt)))
+    print(result.attrs.get("stepping", "sampled")[:17], end=", ")
     print(result.outputs.values.tobytes().hex()[-4000:], result.final_state.values.tobytes().hex())
+tones = Tones(frequency_hz=[30.0, 400.0], amplitude=[[1.0, 2.0]], inputs=["u1"])
+print(harmonic_response(damped, tones).values.tobytes().hex(), frequency_response(damped, [1.0, 77.0]).values.tobytes().hex())
 """
 
 
 def test_one_and_more_threads_give_the_same_bits():
-    """Open loop, closed loop, and a saturation with the modes inside its loop."""
+    """Open loop, mirror, a saturation around the modes, a loop of 401 states in its own modes, a dense block, tones."""
     found = []
     for threads in ("1", "2", "3"):
         names = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
         environment = {**os.environ, **dict.fromkeys(names, threads)}
         run = subprocess.run([sys.executable, "-c", THREADS], env=environment, capture_output=True, text=True, check=True)
         found.append(run.stdout)
-    assert found[0]
+    assert [line.split(", ")[0] for line in found[0].splitlines()[:5]] == [
+        "modes of the stru", "modes of the stru", "sampled", "modes of the loop", "dense block of 24",
+    ]  # fmt: skip
     assert found[0] == found[1] == found[2]
 
 

@@ -19,6 +19,7 @@ from flexplant.loop.stepping import Stepper, stepper
 from flexplant.loop.tiled import MOST_REST, Drive, Rows, TileSteps, modes_driven
 from flexplant.model.arrays import FloatArray
 from flexplant.numerics.compiled import numba
+from flexplant.numerics.threads import one_thread
 
 CHUNK = 16384  # samples taken at once
 Pair = tuple[FloatArray, FloatArray]
@@ -157,6 +158,7 @@ class FusedRecursion(Standing):
         self.run_into(np.array(w.T, order="C"), 0, nt, out, 0)
         return out.T
 
+    @one_thread
     def run_into(self, w: FloatArray, first: int, nt: int, out: FloatArray, place: int) -> None:
         """As `run`, from sample `first` of w (nw, .) on, which has sample first + nt, into out[:, place:]; both contiguous."""
         with np.errstate(over="ignore", invalid="ignore"):

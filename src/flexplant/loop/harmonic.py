@@ -21,11 +21,13 @@ from flexplant.loop.steady import input_amplitudes
 from flexplant.loop.tone_sweep import ToneSweep, tone_sweep_of
 from flexplant.loop.unstable import refuse_unstable
 from flexplant.model.arrays import FloatArray, real_values
+from flexplant.numerics.threads import one_thread
 from flexplant.plant.state_space import Descriptor
 
 WHOLE = 300  # states closed on themselves, up to which they are decomposed
 
 
+@one_thread
 def harmonic_response(system: Linear, tones: Tones) -> xr.DataArray:
     """Complex output amplitudes, dims (output, frequency): y(t) = sum_k Re(Y_k exp(i 2 pi f_k t)), Y = G(i 2 pi f) a.
 
@@ -49,6 +51,7 @@ def harmonic_response(system: Linear, tones: Tones) -> xr.DataArray:
     )
 
 
+@one_thread
 def wheel_speed_sweep(systems: Linear | Mapping[str, Linear], wheel: Wheel, omega_hz: npt.ArrayLike) -> xr.Dataset:
     """Exact steady state at each wheel speed: `rms` (case, output, omega_hz), `amplitude` (case, output, harmonic, omega_hz).
 

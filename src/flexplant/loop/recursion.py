@@ -13,6 +13,7 @@ from flexplant.loop.cascade import Cascade
 from flexplant.loop.lifted import Lifted, block_starts, lifted, stepped
 from flexplant.loop.stepping import Stepper, stepper
 from flexplant.model.arrays import FloatArray
+from flexplant.numerics.threads import one_thread
 
 Progress = Callable[[int, int], None] | None
 CHUNK = 256  # blocks whose inputs and starting states are held at once; they stay in cache
@@ -78,6 +79,7 @@ class Recursion(Standing):
         unit = int(np.lcm(self.lifted.length, self.lifted.every))
         return max(1, blocks * self.lifted.length // unit) * unit
 
+    @one_thread
     def run(self, w: FloatArray, nt: int) -> FloatArray:
         """(kept, nz) outputs at samples 0, every, ... < nt; `state` moves to sample nt. w: (nt + 1, nw), nt at most a chunk."""
         with np.errstate(over="ignore", invalid="ignore"):

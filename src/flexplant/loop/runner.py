@@ -16,6 +16,7 @@ from flexplant.loop.loop_recursion import loop_poles, recursion_of
 from flexplant.loop.monodromy import refuse_growing
 from flexplant.loop.recursion import Runner
 from flexplant.model.arrays import FloatArray, real_values
+from flexplant.numerics.threads import one_thread
 
 Initial = str | npt.ArrayLike | None
 GROWTH = 1e-6  # real part (or distance from the unit circle) relative to the largest pole, below which round-off may cause it
@@ -26,6 +27,7 @@ def is_hybrid(system: Simulated) -> bool:
     return isinstance(system, Diagram) and system.is_sampled
 
 
+@one_thread
 def runner_of(system: Simulated, dt: float, initial: Initial, hold: str, every: int, unstable: str) -> Runner:
     """The resumable recursion of a system from its initial state; see `simulate` for what is refused."""
     if isinstance(system, Diagram) and system.is_sampled:

@@ -17,9 +17,11 @@ from flexplant.loop.runner import Initial, checked_cascade, initial_state, is_hy
 from flexplant.loop.signals import Signals, checked_time, sampled
 from flexplant.loop.steady import input_amplitudes, output_amplitudes, steady_states
 from flexplant.model.arrays import FloatArray
+from flexplant.numerics.threads import one_thread
 from flexplant.plant.channels import listed_names
 
 
+@one_thread
 def simulate(
     system: Simulated,
     time: npt.ArrayLike,
@@ -47,6 +49,8 @@ def simulate(
     A diagram with sampled blocks (nonlinear ones, digital controllers of their own sample time): each reads its inputs at its
     samples and holds its outputs in between; the linear rest moves exactly under them. Exact for digital blocks, first order
     in the step for a nonlinear block that stands for a continuous law. Tones are then sampled, and start from rest.
+
+    BLAS is limited to one thread meanwhile, so that a result does not depend on how many there are.
 
     Returns a Dataset: `outputs` (output, time; or output_time where every > 1), `inputs` (input, time), `final_state` (state).
     Its attribute `stepping` says how a linear system moved: in modes of the structure, of the loop, or as a dense block, and why.
