@@ -58,7 +58,8 @@ GainSweep at: out; white_noise_rms: intensity; frequency_response: out; line_of_
 simulate: inputs progress initial; simulate tones: inputs progress initial; simulate_stream: inputs progress initial;
 gain: inputs outputs; renamed: inputs outputs; convert: format units read_options; inspect: format units;
 mode_view: numbers; plausibility: found; read_component: format units; read_display_mesh: format units;
-read_geometry: format units; read_reference: units; read_response_functions: units; read_model: format units; run_study: progress; plot: output input
+read_geometry: format units; read_reference: units; read_response_functions: units; read_model: format units;
+run_study: progress; plot: output input
 [text, long]
 Component: name units; FiniteElementModel: name units; Recovery: name; UnitSystem: name; Reference: source;
 ModalPlant: name; modal_plant: name; descriptor: name; Descriptor: name; StateSpace: name; from_scipy: name; Diagram: name;

@@ -20,9 +20,11 @@ from flexplant.loop.close import close
 from flexplant.loop.diagram import Diagram
 from flexplant.loop.harmonic import harmonic_response
 from flexplant.loop.line_of_sight import line_of_sight_diagram
+from flexplant.loop.random import random_response
 from flexplant.loop.simulate import simulate
+from flexplant.loop.stream import simulate_stream
 from flexplant.plant.discretize import discretize
-from flexplant.plant.modal import ModalPlant
+from flexplant.plant.modal import ModalPlant, select
 from flexplant.plant.rigid_body import without_rigid_body
 from flexplant.plant.state_space import Descriptor, StateSpace, state_space
 
@@ -314,3 +316,18 @@ def test_the_final_state_stands_in_the_diagrams_own_order(plant_first):
         diagram, t[:101], u[:, 200:], initial=simulate(diagram, t[:201], u[:, :201], hold="zero").final_state, hold="zero"
     )
     np.testing.assert_allclose(again.outputs.values, whole.outputs.values[:, 200:], atol=1e-12 * abs(whole.outputs.values).max())
+
+
+@pytest.mark.parametrize("empty", [{"inputs": []}, {"outputs": []}, {"inputs": [], "outputs": []}])
+def test_a_plant_without_channels_has_empty_results(empty):
+    body = ModalPlant(
+        omega=[0.0, 30.0], zeta=[0.0, 0.01], shape_in=np.eye(2), shape_out=np.eye(2), inputs=["f", "g"], outputs=["x", "y"]
+    )
+    part = select(body, **empty)
+    sizes = {"output": len(part.outputs), "input": len(part.inputs)}
+    assert simulate(part, T).sizes == {**sizes, "time": T.size, "state": 4}
+    assert next(simulate_stream(part, dt=0.1, samples=9)).sizes == {"output": sizes["output"], "time": 9, "state": 4}
+    flexible = select(replace(body, omega=[10.0, 30.0], zeta=[0.1, 0.1]), **empty)
+    spectra = random_response(flexible, dict.fromkeys(flexible.inputs, 1.0), [1.0, 2.0, 3.0])
+    assert spectra.psd.shape == (sizes["output"], 3)
+    assert not empty.get("inputs", True) or not spectra.rms.values.any()

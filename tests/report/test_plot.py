@@ -90,6 +90,22 @@ def test_time_and_sweeps(plant, loop):
     assert len(fp.plot(sweep.sel(case="open")).data) == 2
 
 
+def test_tones_are_a_line_spectrum(plant):
+    tones = fp.Tones(frequency_hz=[0.0, 2.0, 5.0, 9.0], amplitude=np.ones((1, 4)), inputs=["fx"])
+    found = fp.harmonic_response(plant, tones)
+    figure = fp.plot(found)
+    size = abs(found.values)
+    names = [f"{o}, RMS {np.sqrt(a[0] ** 2 + (a[1:] ** 2).sum() / 2):.3g} m" for o, a in zip("xy", size, strict=True)]
+    assert list(drawn(figure)) == names
+    assert np.allclose(drawn(figure)[names[0]].reshape(3, 3)[:, 1], size[0, 1:], rtol=1e-6)  # drawn in single precision
+    assert fp.plot(found, output="x").layout.xaxis.type == "log"
+
+
+def test_a_piece_of_a_long_run_is_drawn(plant):
+    piece = next(iter(fp.simulate_stream(plant, dt=1e-3, samples=50)))
+    assert axes(fp.plot(piece)) == axes(fp.plot(fp.simulate(plant, 1e-3 * np.arange(50))))
+
+
 @pytest.mark.parametrize(
     ("change", "message"),
     [

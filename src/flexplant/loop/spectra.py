@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Literal
@@ -36,8 +37,8 @@ class Spectra:
 
     def between(self, at: FloatArray) -> FloatArray | ComplexArray:
         """S at frequencies strictly between the edges, in the shape of at_hz."""
-        flat = self.at_hz.reshape(-1, self.hz.size)
-        out: Any = np.stack([np.interp(at, self.hz, row) for row in flat])
+        flat = self.at_hz.reshape(math.prod(self.at_hz.shape[:-1]), self.hz.size)
+        out: Any = np.array([np.interp(at, self.hz, row) for row in flat]).reshape(len(flat), at.size)
         for row, table in self.tables.items():
             out[row] = table_values(table, at, log=self.log)
         return np.asarray(out.reshape(*self.at_hz.shape[:-1], at.size))

@@ -184,7 +184,7 @@ class Rows:
         weights = np.zeros((len(rows), self.passes * sum(self.at_once)))
         read = share != 0
         weights[np.flatnonzero(read), place[row[read]]] = share[read]
-        self.placed = weights.reshape(len(terms), -1, weights.shape[1]).sum(axis=0)
+        self.placed = weights.reshape(len(terms), len(terms[0]), weights.shape[1]).sum(axis=0)
 
     def _places(self, kind: int) -> IntArray:
         """Where the sums of the rows of one kind stand; a last place for no row."""

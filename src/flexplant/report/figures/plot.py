@@ -16,6 +16,7 @@ from flexplant.report.figures.shape import mode_shape
 from flexplant.report.figures.spectra import spectra
 from flexplant.report.figures.theme import plain
 from flexplant.report.figures.time import rms_over_speed, time_histories
+from flexplant.report.figures.tones import line_spectrum
 from flexplant.report.structure import StructureView
 
 Result: TypeAlias = xr.DataArray | xr.Dataset
@@ -31,10 +32,10 @@ def plot(
 ) -> go.Figure:
     """A figure of a result, or of several of one kind laid over each other, with names and units from the result itself.
 
-    result: what `frequency_response`, `singular_values`, `loop_response`, `random_response`, `simulate` or `wheel_speed_sweep`
-    returned, or a mapping label -> such results; or a `mode_view`, of which the first flexible mode is drawn. output, input: one
-    channel, where not all shall be drawn; title: instead of the usual one. Returns a plotly figure: `.show()` opens it,
-    `.write_html(path)` keeps it.
+    result: what `frequency_response`, `singular_values`, `loop_response`, `random_response`, `harmonic_response`, `simulate` or
+    `wheel_speed_sweep` returned, a piece of `simulate_stream`, or a mapping label -> such results; or a `mode_view`, of which the
+    first flexible mode is drawn. output, input: one channel, where not all shall be drawn; title: instead of the usual one.
+    Returns a plotly figure: `.show()` opens it, `.write_html(path)` keeps it.
     Raises InputError for another kind of value, results of different kinds, unknown channels and more than twelve curves.
     """
     if title is not None:
@@ -103,9 +104,19 @@ def _random(results: Mapping[str, Any]) -> go.Figure:
     return spectra({_joined(label, str(o)): r.sel(output=o) for label, r in results.items() for o in r.output.values})
 
 
+def _tones(results: Mapping[str, Any]) -> go.Figure:
+    entries = {_joined(label, str(o)): r.isel(output=[k]) for label, r in results.items() for k, o in enumerate(r.output.values)}
+    if len(entries) > MOST_CURVES:
+        raise InputError(f"plot: {len(entries)} outputs are more than {MOST_CURVES} curves; choose with output=")
+    units = sorted({_unit(entry, "output") for entry in entries.values()})
+    return line_spectrum(entries, unit=", ".join(units))
+
+
 def _histories(results: Mapping[str, Any]) -> go.Figure:
     first = next(iter(results.values()))
     names = [str(name) for name in first.output.values]
+    if not names:
+        raise InputError("plot: this result has no outputs to draw")
     if len(names) > MOST_CURVES:
         raise InputError(f"plot: {len(names)} outputs are more than {MOST_CURVES} plots; choose with output=")
     units = {_unit(first.isel(output=[k]), "output") for k in range(len(names))}
@@ -153,6 +164,7 @@ _NEEDED = {
     "singular_values": {"singular_values"},
     "loop_response": {"L_singular", "S_singular", "T_singular"},
     "random_response": {"psd", "cumulative_rms"},
+    "harmonic_response": {"harmonic_response"},
     "simulate": {"outputs", "final_state"},
     "wheel_speed_sweep": {"rms", "amplitude"},
 }
@@ -161,6 +173,7 @@ _DRAWN: dict[str, Callable[[Mapping[str, Any]], go.Figure]] = {
     "singular_values": _singular,
     "loop_response": _loops,
     "random_response": _random,
+    "harmonic_response": _tones,
     "simulate": _histories,
     "wheel_speed_sweep": _sweeps,
 }
