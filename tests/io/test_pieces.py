@@ -42,18 +42,18 @@ def test_the_file_is_the_whole_run(tmp_path, every):
     assert [p.name for p in tmp_path.iterdir()] == ["long.nc"]
 
 
-class Stop(Exception):
+class StopError(Exception):
     """What stands for Ctrl-C or a failing disk."""
 
 
 def interrupted(listed, after):
     yield from listed[:after]
-    raise Stop
+    raise StopError
 
 
 def test_an_interrupted_run_goes_on_where_it_stopped(tmp_path):
     listed, path, partial = list(pieces()), tmp_path / "long.nc", tmp_path / "long.partial.nc"
-    with pytest.raises(Stop) as error:
+    with pytest.raises(StopError) as error:
         write_results(interrupted(listed, 2), path)
     assert str(partial) in error.value.__notes__[0]
     assert [p.name for p in tmp_path.iterdir()] == ["long.partial.nc"]
@@ -70,12 +70,12 @@ def test_an_interrupted_run_goes_on_where_it_stopped(tmp_path):
 
 def test_interrupted_twice_and_before_the_first_piece(tmp_path):
     listed, path = list(pieces()), tmp_path / "long.nc"
-    with pytest.raises(Stop):
+    with pytest.raises(StopError):
         write_results(interrupted(listed, 0), path)
     assert not list(tmp_path.iterdir())
-    with pytest.raises(Stop):
+    with pytest.raises(StopError):
         write_results(interrupted(listed, 1), path)
-    with pytest.raises(Stop):
+    with pytest.raises(StopError):
         write_results(interrupted(listed[1:], 2), path, append=True)
     assert read_results(tmp_path / "long.partial.nc").sizes["time"] == 900
     write_results(iter(listed[3:]), path, append=True)
