@@ -18,6 +18,7 @@ from flexplant.numerics.factorization.banded_layout import LEAST, Layout
 from flexplant.numerics.factorization.protocol import Estimate
 
 NARROW = 2.6  # times the rows of the least blocks, that a row meets on average: such an order is not worth improving
+COPIED = 300_000  # entries of a factor, beyond which its rows are kept by columns too
 GROWTH = 1e4  # times the largest entry: a pivot block that grows beyond has lost the digits that signs are read from
 TINY = 1e-15  # of the largest entry: a pivot block's own pivot below it is round-off
 
@@ -41,6 +42,11 @@ class BandedFactor:
         """Entries of L, with the zeros its blocks hold."""
         return sum(block.size for block in self.rows)
 
+    @cached_property
+    def columns(self) -> tuple[FloatArray, ...]:
+        """The transposed rows: copies where they are so large that a product with a view of them takes twice as long."""
+        return tuple(np.ascontiguousarray(row.T) if self.fill > COPIED else row.T for row in self.rows)
+
     def forward(self, right_side: FloatArray) -> FloatArray:
         """L^-1 P b, (n, k)."""
         x = np.array(right_side, order="C") if self.order is None else right_side[self.order]
@@ -55,10 +61,10 @@ class BandedFactor:
         x, ends = np.array(right_side, order="C"), self.ends
         for i in range(len(self.rows) - 1, 0, -1):
             before, start, end = ends[i - 1], ends[i], ends[i + 1]
-            found = self.rows[i].T @ x[start:end]
+            found = self.columns[i] @ x[start:end]
             x[before:start] += found[: start - before]
             x[start:end] = found[start - before :]
-        x[: ends[1]] = self.rows[0].T @ x[: ends[1]]
+        x[: ends[1]] = self.columns[0] @ x[: ends[1]]
         if self.order is None:
             return x
         out = np.empty_like(x)
