@@ -1,5 +1,8 @@
 """Long runs written piece by piece: the file is the whole run, interruptions keep what is finished, memory stays bounded."""
 
+import importlib.util
+import subprocess
+import sys
 import tracemalloc
 
 import numpy as np
@@ -15,7 +18,7 @@ from flexplant.plant.modal import ModalPlant
 DT = 1e-3
 PLANT = ModalPlant(
     omega=[0.0, 30.0, 200.0], zeta=[0.0, 0.01, 0.02], shape_in=np.eye(3, 2), shape_out=np.ones((2, 3)),
-    inputs=["u", "w"], outputs=["y", "z"], output_units=["m", "rad"],
+    inputs=["u", "w"], outputs=["y", "Träger"], output_units=["m", "rad"],
 )  # fmt: skip
 
 
@@ -40,6 +43,24 @@ def test_the_file_is_the_whole_run(tmp_path, every):
     whole = simulate(PLANT, DT * np.arange(1000), signal(DT * np.arange(1000)), every=every).outputs.values
     assert abs(written.outputs.values - whole).max() < 1e-12 * abs(whole).max()
     assert [p.name for p in tmp_path.iterdir()] == ["long.nc"]
+
+
+C_LIBRARY = """
+import sys, netCDF4
+with netCDF4.Dataset(sys.argv[1]) as found:
+    print(found["time"].units, found.dimensions["time"].isunlimited(), *found["output"][:], *found["output_units"][:])
+    print(found["outputs"][:].tobytes().hex())
+"""
+
+
+def test_the_c_library_of_netcdf_reads_it(tmp_path):
+    """In a process of its own: it brings another HDF5 than h5py's."""
+    if importlib.util.find_spec("netCDF4") is None:
+        pytest.skip("netCDF4 is not installed (extra test)")
+    expected = read_results(write_results(pieces(), tmp_path / "long.nc")).outputs.values
+    arguments = [sys.executable, "-X", "utf8", "-c", C_LIBRARY, str(tmp_path / "long.nc")]
+    said = subprocess.run(arguments, capture_output=True, check=True, encoding="utf-8").stdout.splitlines()
+    assert said == ["s True y Träger m rad", expected.tobytes().hex()]
 
 
 class StopError(Exception):

@@ -27,4 +27,10 @@ def write_results(results: Any, path: Path, *, append: bool = False, target: Pat
     return None
 
 
-WRITER = Writer(name=NAME, description="NetCDF-4", suffixes=(".nc", ".nc4"), writers={"write_results": write_results})
+WRITER = Writer(
+    name=NAME,
+    description="NetCDF-4",
+    suffixes=(".nc", ".nc4"),
+    writers={"write_results": write_results},
+    tested_against="netCDF4 1.7 (the C library)",
+)

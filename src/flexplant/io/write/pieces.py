@@ -133,5 +133,9 @@ def _refuse_other_shape(name: str, variable: Any, file: Any) -> None:
         raise InputError(
             f"write_results: {name!r} of a piece has {sizes[0][1]} entries along {sizes[0][0]!r}, before {sizes[0][2]}"
         )
-    if variable.dtype.kind not in "fiub" and not np.array_equal(np.asarray(stored[...], dtype=str), variable.values.astype(str)):
+    if variable.dtype.kind not in "fiub" and _texts(stored[...]) != _texts(variable.values):
         raise InputError(f"write_results: {name!r} of a piece names other channels than those before it")
+
+
+def _texts(values: Any) -> list[str]:
+    return [value.decode() if isinstance(value, bytes) else str(value) for value in np.ravel(values)]
