@@ -148,6 +148,10 @@ def test_scipy_systems_of_any_form():
 
 
 def test_conversions_refuse_other_things():
+    with pytest.raises(InputError, match="'plant' has no inputs"):
+        to_control(StateSpace(-np.eye(1), np.zeros((1, 0)), [[1.0]], np.zeros((1, 0)), [], ["y"]))
+    with pytest.raises(InputError, match="more zeros than poles"):
+        from_control(control.tf([1, 0, 0], [1, 1]))
     with pytest.raises(InputError, match="from_control needs"):
         from_control(3.0)
     with pytest.raises(InputError, match="from_scipy needs"):

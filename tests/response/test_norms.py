@@ -10,6 +10,7 @@ from flexplant.plant.discretize import discretize
 from flexplant.plant.modal import ModalPlant
 from flexplant.plant.state_space import StateSpace, state_space
 from flexplant.response.frequency import frequency_response
+from flexplant.response.margins import bandwidth_hz
 from flexplant.response.norms import hinf_norm, singular_values
 
 
@@ -124,3 +125,28 @@ def test_the_largest_gain_of_a_discrete_system_may_stand_at_the_nyquist_frequenc
     assert found.value == pytest.approx(2.0, rel=1e-9)
     assert found.frequency_hz == pytest.approx(50.0)
     assert found.upper == pytest.approx(2.0, rel=1e-6)
+
+
+@pytest.mark.parametrize("order", [1, 2])
+def test_integrators_have_no_norm(order):
+    """1 / s and 1 / s^2, continuous and sampled: all poles at the origin, so that nothing else sets a scale."""
+    chain = StateSpace(np.eye(order, k=1), np.eye(order)[:, [-1]], np.eye(order)[:1], [[0.0]], ["u"], ["y"])
+    for system in (chain, discretize(chain, 1e-3)):
+        found = hinf_norm(system)
+        assert (found.value, found.frequency_hz) == (np.inf, 0.0)
+        assert "0 Hz" in found.explanation
+    unseen = StateSpace([[0.0]], [[1.0]], [[0.0]], [[2.0]], ["u"], ["y"])
+    assert hinf_norm(unseen).value == 2.0
+
+
+@pytest.mark.parametrize("damping", [None, [[0.2, 0.1], [0.1, 0.4]]])
+@pytest.mark.parametrize(("nu", "ny"), [(0, 1), (2, 0)])
+def test_plants_without_channels_have_empty_responses_and_no_gain(damping, nu, ny):
+    names = {"inputs": ["f", "g"][:nu], "outputs": ["y"][:ny]}
+    plant = ModalPlant(omega=[9, 20], zeta=0.01, damping=damping, shape_in=np.ones((2, nu)), shape_out=np.ones((ny, 2)), **names)
+    hz = np.geomspace(0.1, 10, 20)
+    for form in (plant, state_space(plant)):
+        assert frequency_response(form, hz).shape == (ny, nu, 20)
+        assert hinf_norm(form).value == 0.0
+        with pytest.raises(InputError, match="gain at 0 Hz is zero"):
+            bandwidth_hz(form)

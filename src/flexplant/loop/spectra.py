@@ -119,7 +119,7 @@ def _cross(psd: Any, names: list[str], hz: FloatArray) -> ComplexArray:
     size = abs(matrices).max(initial=0.0)
     if not np.isfinite(matrices).all() or (abs(matrices - matrices.conj().transpose(0, 2, 1)) > 1e-10 * size).any():
         raise InputError("random_response: the cross-spectra must be finite and Hermitian at every frequency")
-    smallest = np.linalg.eigvalsh(matrices)[:, 0]
+    smallest = np.linalg.eigvalsh(matrices).min(axis=1, initial=0.0)
     if (smallest < -1e-10 * size).any():
         k = int(np.argmin(smallest))
         raise InputError(f"random_response: the cross-spectra are not positive at {hz[k]:.6g} Hz (coherence above one)")

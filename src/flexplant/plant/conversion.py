@@ -16,13 +16,15 @@ from flexplant.plant.state_space import Descriptor, StateSpace, state_space
 def to_control(plant: ModalPlant | StateSpace | Descriptor) -> Any:
     """control.StateSpace with the plant's names; python-control allows no dots in names, so "bus.101.1" becomes "bus_101_1".
 
-    Raises MissingExtraError without python-control, InputError where two names become one.
+    Raises MissingExtraError without python-control, InputError without inputs, and where two names become one.
     """
     try:
         import control
     except ImportError:
         raise MissingExtraError("control", "control") from None
     s = state_space(plant)
+    if not s.inputs:
+        raise InputError(f"to_control: {s.name!r} has no inputs, and python-control has no such systems; select at least one")
     names = {kind: _undotted(getattr(s, kind), kind) for kind in ("inputs", "outputs")}
     return control.StateSpace(s.A, s.B, s.C, s.D, 0 if s.dt is None else s.dt, name=s.name.replace(".", "_"), **names)
 
@@ -40,14 +42,15 @@ def from_control(
 ) -> StateSpace:
     """StateSpace of a control.StateSpace (or transfer function), its names kept unless others are given.
 
-    Raises MissingExtraError without python-control, InputError for anything else or for an unspecified sample time.
+    Raises MissingExtraError without python-control, InputError for anything else, for an unspecified sample time, and for a
+    transfer function with more zeros than poles.
     """
     try:
         import control
     except ImportError:
         raise MissingExtraError("control", "control") from None
     if isinstance(system, control.TransferFunction):
-        system = control.ss(system)
+        system = _realised(system, control)
     if not isinstance(system, control.StateSpace):
         raise InputError(f"from_control needs a control.StateSpace or TransferFunction, got {type(system).__name__}")
     if system.dt is True:
@@ -59,6 +62,13 @@ def from_control(
     given_outputs = system.output_labels if outputs is None else outputs
     label = system.name if name is None else name
     return StateSpace(system.A, system.B, system.C, system.D, given_inputs, given_outputs, dt=dt, name=label)
+
+
+def _realised(system: Any, control: Any) -> Any:
+    degrees = [(len(n), len(d)) for ns, ds in zip(system.num, system.den, strict=True) for n, d in zip(ns, ds, strict=True)]
+    if any(zeros > poles for zeros, poles in degrees):
+        raise InputError("from_control: the transfer function has more zeros than poles, thus no state space; add a roll-off")
+    return control.ss(system)
 
 
 def to_scipy(plant: ModalPlant | StateSpace | Descriptor) -> Any:

@@ -109,10 +109,10 @@ def _by_poles(
     (D_rr - s^2 Z_rf D_ff^-1 Z_fr) eta_r = b_r - s Z_rf D_ff^-1 b_f and eta_f = D_ff^-1 (b_f - s Z_fr eta_r).
     """
     nu, beside = len(plant.inputs), int(near.sum())
-    residues = (fast.right[:, None, :] * fast.left.T[None, :, :]).reshape(-1, fast.poles.size)
+    residues = (fast.right[:, None, :] * fast.left.T[None, :, :]).reshape(len(fast.right) * fast.left.shape[1], fast.poles.size)
     s = np.asarray(1j * omega, dtype=np.complex128)
     terms = residues @ (1 / (s - fast.poles[:, None]))
-    H = terms.reshape(len(fast.right), -1, s.size).transpose(2, 0, 1)
+    H = terms.reshape(len(fast.right), fast.left.shape[1], s.size).transpose(2, 0, 1)
     eta = _near_rigid(plant, near, H, s) if beside else None
     if beside and eta is None:
         return None

@@ -39,7 +39,7 @@ class Gain:
     def __call__(self, omega: npt.ArrayLike) -> FloatArray:
         """(nf,) largest singular value at omega of the continuous system."""
         values = self.transfer(1j * np.atleast_1d(np.asarray(omega, dtype=float))).transpose(2, 0, 1)
-        return np.asarray(np.linalg.svd(values, compute_uv=False)[:, 0])
+        return np.asarray(np.linalg.svd(values, compute_uv=False).max(axis=1, initial=0.0))  # 0 without channels
 
     def hz(self, omega: npt.ArrayLike) -> FloatArray:
         """Frequencies in Hz of the given omega of the continuous system."""

@@ -169,7 +169,7 @@ def _norm(system: StateSpace, tolerance: float) -> HinfNorm:
 
 def _unbounded_at(gain: Gain, omega: float, size: float) -> bool:
     """True where the gain grows on the way to a pole on the axis; an unseen pole does not make it grow."""
-    steps = np.array([1e-5, 1e-7]) * max(omega, 1e-3 * size)
+    steps = np.array([1e-5, 1e-7]) * (max(omega, 1e-3 * size) or 1.0)  # poles at zero alone have no size
     far, near = gain(omega + steps)
     return bool(near > 5 * far)
 
