@@ -204,7 +204,8 @@ def test_octave_reads_descriptors_discrete_plants_and_mechanical_matrices(tmp_pa
 
 @needs_octave
 def test_octave_knows_the_channels_by_their_names(tmp_path: Path) -> None:
-    given = plant(3)
+    """Letters of more than one byte too: each once cut one character off its name, so that two inputs had the same."""
+    given = plant(3, inputs=["Kühler.1", "Kühler.2", "π 😀"], outputs=["Träger", "y"])
     square = Descriptor(
         sp.eye_array(3), -np.eye(3), np.ones((3, 3)), np.ones((2, 3)), np.zeros((2, 3)), given.inputs, given.outputs
     )

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import re
+import zipfile
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
+from xml.etree.ElementTree import fromstring
 
 import numpy as np
 import pytest
@@ -12,6 +15,7 @@ import scipy.io
 import scipy.sparse as sp
 from exported_plants import coupled, kinds, plant
 
+import flexplant as fp
 from flexplant.errors import InputError, ReadError
 from flexplant.io import read_component, read_plant, write_component, write_plant
 from flexplant.io.output import plant_endings, writers
@@ -74,6 +78,25 @@ def test_every_plant_format_is_in_this_list(tmp_path: Path) -> None:
     for ending in WRITE_ONLY - {"m"}:
         with pytest.raises(ReadError, match="is not a plant"):
             read_plant(write_plant(plant(), tmp_path / f"p.{ending}", **({"dt": 1.0} if ending == "c" else {})))
+
+
+def test_names_in_any_script_stay_as_they_are_and_apart(tmp_path: Path) -> None:
+    """In .mat as UTF-16 with its units counted, as MATLAB and Octave do; scipy reads that too. In programs by their rules."""
+    names = ["Kühler.1", "Kühler.2", "π ²", "Kähler.1"]
+    given = fp.gain(np.ones((1, 4)), inputs=names, outputs=["Träger"])
+    for ending in PLANT_LOSES:
+        back = read_plant(write_plant(given, tmp_path / f"p.{ending}"))
+        assert (list(back.inputs), list(back.outputs)) == (names, ["Träger"]), ending
+    stored = scipy.io.loadmat(tmp_path / "p.mat")
+    assert [str(cell.item()) for cell in stored["InputName"].ravel()] == names
+    scipy.io.savemat(tmp_path / "scipy.mat", {**{k: stored[k] for k in "ABCD"}, "InputName": stored["InputName"]})
+    assert list(read_plant(tmp_path / "scipy.mat").inputs) == names  # UTF-8 with its characters counted
+    assert '["Kühler.1", "Kühler.2", "π ²", "Kähler.1"]' in write_plant(given, tmp_path / "p.jl").read_text("utf-8")
+    write_plant(given, tmp_path / "p.c", dt=1.0)
+    constants = re.findall(r"P_INPUT_\w+ = \d", (tmp_path / "p.h").read_text("utf-8"))
+    assert len({c.split()[0] for c in constants}) == len(names)
+    root = fromstring(zipfile.ZipFile(write_plant(given, tmp_path / "p.fmu", binary=False)).read("modelDescription.xml"))
+    assert [v.get("name") for v in root.iter("ScalarVariable") if v.get("causality") == "input"] == names
 
 
 def test_matrices_changed_in_matlab_are_taken_as_they_are(tmp_path: Path) -> None:

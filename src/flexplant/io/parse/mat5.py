@@ -152,11 +152,15 @@ def _rows(file: _File, parts: list[_Element], shape: tuple[int, ...], name: str)
         return [""]
     if len(parts) < 4 or parts[3].kind not in ENCODINGS:
         raise file.fail("is a text without characters", parts[2].at, name)
-    encoding = ENCODINGS[parts[3].kind]
-    if encoding in ("utf-16", "utf-32"):
+    encoding, data = ENCODINGS[parts[3].kind], bytes(parts[3].data)
+    width = {"utf-16": 2, "utf-32": 4}.get(encoding, 1)
+    if width > 1:
         encoding += "-le" if file.order == "<" else "-be"
-    text = bytes(parts[3].data).decode(encoding, "replace")
-    if len(shape) != 2 or len(text) != math.prod(shape):
+    if len(shape) == 2 and len(data) == width * math.prod(shape):  # a count of units, as of MATLAB and Octave
+        units = np.frombuffer(data, f"V{width}").reshape(shape, order="F")
+        return [row.tobytes().decode(encoding, "replace").rstrip() for row in units]
+    text = data.decode(encoding, "replace")
+    if len(shape) != 2 or len(text) != math.prod(shape):  # a count of characters, as of scipy
         raise file.fail(f"claims shape {shape}, but has {len(text)} characters", parts[3].at, name)
     return [text[i :: shape[0]].rstrip() for i in range(shape[0])]
 

@@ -137,16 +137,16 @@ def _equal(ours: FloatArray, stored: FloatArray) -> bool:
 
 
 def matlab_variables(plant: Plant) -> dict[str, Any]:
-    """Variables for a `.mat` file: A, B, C, D (E), dt (0 for continuous time), names as cell columns; modal arrays."""
+    """Variables for a `.mat` file: A, B, C, D (E), dt (0 for continuous time), names as tuples; modal arrays."""
     from flexplant.plant.state_space import state_space
 
     form = state_space(plant) if isinstance(plant, ModalPlant) else plant
     out: dict[str, Any] = {k: _matlab(getattr(form, k)) for k in ("E", "A", "B", "C", "D") if hasattr(form, k)}
     out["dt"] = float(getattr(form, "dt", None) or 0.0)
     for name, texts in (("InputName", form.inputs), ("OutputName", form.outputs)):
-        out[name] = _cells(texts)
+        out[name] = tuple(texts)
     for name, texts in (("InputUnit", form.input_units), ("OutputUnit", form.output_units)):
-        out[name] = _cells(texts)
+        out[name] = tuple(texts)
     out["Name"] = plant.name
     if isinstance(plant, ModalPlant):
         modal = {n: getattr(plant, n) for n in KINDS["modal_plant"][1]}
@@ -166,9 +166,3 @@ def _mechanical(plant: ModalPlant) -> dict[str, Any]:
 
 def _matlab(matrix: Any) -> Any:
     return sp.csc_matrix(matrix) if sp.issparse(matrix) else np.asarray(matrix)
-
-
-def _cells(texts: Any) -> Any:
-    column = np.empty((len(texts), 1), dtype=object)
-    column[:, 0] = list(texts)
-    return column

@@ -35,7 +35,9 @@ def constants(prefix: str, names: Sequence[str]) -> list[str]:
     out: list[str] = []
     for i, name in enumerate(names):
         constant = f"{prefix}_{identifier(name)}".upper()
-        out.append(constant if constant not in out else f"{constant}_{i}")
+        while constant in out:
+            constant += f"_{i}"
+        out.append(constant)
     return out
 
 
