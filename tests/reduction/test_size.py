@@ -9,6 +9,7 @@ import pytest
 from reduction_models import BUS, FEET, OPTIC, corners, meshes, shocksat
 
 import flexplant as fp
+from flexplant.errors import SolverError
 from flexplant.reduction import craig_bampton
 
 TOP = 2500.0
@@ -148,15 +149,21 @@ def test_a_size_beyond_the_interior_is_the_whole_model():
     assert component.report.verified < 1e-8  # what rounding may cause
 
 
-@pytest.mark.parametrize("accuracy", [1e-9, 1e-12, 1e-15])
-def test_no_statement_goes_below_what_double_precision_tells(accuracy):
-    """The whole model's dense solution and the reduced one part at some 1e-11, whatever is asked."""
+@pytest.mark.parametrize("asked", [1e-9, 1e-12, 1e-16])
+def test_no_statement_goes_below_what_double_precision_tells(asked):
+    """The whole model's dense solution and the reduced one part at some 1e-12: what that rules out is refused, and the accuracy
+    that the refusal names is kept."""
     model = meshes.solid((4, 2, 2))
     boundary = corners(model)
     hz = 1.001 * float(fp.normal_modes(model, n_modes=12).frequency_hz[-1])
+    accuracy = asked
+    if asked < 1e-10:
+        with pytest.raises(SolverError, match=rf"accuracy {asked:g} .*is out of reach.* ask for accuracy=") as refused:
+            craig_bampton(model, boundary, max_frequency_hz=hz, accuracy=asked)
+        accuracy = float(str(refused.value).split("accuracy=")[1].split()[0])
+        assert 1e-13 < accuracy < 1e-10
     report = (component := craig_bampton(model, boundary, max_frequency_hz=hz, accuracy=accuracy)).report
     exact = fp.normal_modes(model, max_frequency_hz=hz).frequency_hz[6:]
     found = fp.normal_modes(component).frequency_hz[6 : 6 + exact.size]
     assert abs(found / exact - 1).max() <= report.verified + 1e-13
-    assert report.verified > 1e-13
-    assert component.report.accuracy == accuracy
+    assert 1e-13 < report.verified <= accuracy == component.report.accuracy

@@ -68,6 +68,7 @@ def finite_count(mass: FloatArray) -> int:
 
 
 def indefinite(what: str) -> str:
+    """The message about an indefinite mass; `what` shows it."""
     return (
         f"the mass matrix is indefinite ({what}): check the model's or components' masses, their units, and that every "
         "interface of components is coupled"

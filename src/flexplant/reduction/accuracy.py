@@ -7,7 +7,7 @@ import numpy as np
 from flexplant.errors import InputError, SolverError
 from flexplant.model.arrays import FloatArray
 from flexplant.numerics.lanczos import Progress
-from flexplant.reduction.bound import Basis
+from flexplant.reduction.bound import Basis, round_off
 from flexplant.reduction.budget import KEPT, LOAD_MOMENTS, Draw, draws
 from flexplant.reduction.interior import Interior, fixed_interface
 from flexplant.reduction.partition import Partition
@@ -34,9 +34,18 @@ def chosen_for(
             if bound <= SPARE * accuracy:
                 return _smallest(large, accuracy, max_frequency_hz)
             large = large.extended(directions)
-    raise SolverError(
-        f"accuracy {accuracy:g} up to {max_frequency_hz:g} Hz is out of reach: the best bound with {MAX_BLOCKS} blocks was "
-        f"{best:.1e}; ask for less, or add the DOF that move most as boundary"
+    rounding = round_off(large, max_frequency_hz, SAMPLES)
+    cause = "rounding to double precision" if rounding > accuracy else f"the best basis, with {MAX_BLOCKS} blocks,"
+    raise SolverError(out_of_reach(accuracy, max(best / SPARE, rounding), cause))
+
+
+def out_of_reach(accuracy: float, reached: float, cause: str) -> str:
+    """The message that names the accuracy to ask for instead: two digits, and some room for another choice."""
+    unit = 10.0 ** (np.floor(np.log10(reached)) - 1)
+    possible = float(np.ceil(1.1 * reached / unit) * unit)
+    return (
+        f"craig_bampton: accuracy {accuracy:g} is out of reach: {cause} allows frequency errors up to {reached:.1e}; ask for "
+        f"accuracy={possible:.2g} or more, or add the DOF that move most as boundary"
     )
 
 

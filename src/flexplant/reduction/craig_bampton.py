@@ -6,13 +6,13 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from flexplant.errors import InputError, expect_function
+from flexplant.errors import InputError, SolverError, expect_function
 from flexplant.model.arrays import Matrix, checked_switch, checked_symmetric, is_number
 from flexplant.model.component import FiniteElementModel
 from flexplant.model.damping import DampingRatio, with_modal_damping
 from flexplant.model.dofs import DofSet
 from flexplant.numerics.lanczos import Progress
-from flexplant.reduction.accuracy import SAMPLES, best_of_size, chosen_for
+from flexplant.reduction.accuracy import SAMPLES, best_of_size, chosen_for, out_of_reach
 from flexplant.reduction.bound import round_off
 from flexplant.reduction.budget import Drawn
 from flexplant.reduction.component import basis_bytes, checked_extras, hcb_component
@@ -104,7 +104,7 @@ def craig_bampton(
             if interior.raw.shape[1] == size_before:
                 break  # the basis is complete
     if verified is not None and max_frequency_hz is not None:
-        verified = max(verified, round_off(interior, max_frequency_hz, SAMPLES))
+        verified = _within(accuracy, verified, round_off(interior, max_frequency_hz, SAMPLES))
     component = hcb_component(
         interior,
         _report(interior, max_frequency_hz, accuracy, verified),
@@ -115,6 +115,15 @@ def craig_bampton(
         keep_basis=keep_basis,
     )
     return component if damping_ratio is None else with_modal_damping(component, damping_ratio)  # type: ignore[return-value]
+
+
+def _within(accuracy: float | None, bound: float, rounding: float) -> float:
+    """The error of the basis or of rounding, whichever is larger; SolverError where that breaks the promise."""
+    found = max(bound, rounding)
+    if accuracy is not None and found > accuracy:
+        cause = "rounding to double precision" if rounding > accuracy else "the best basis"
+        raise SolverError(out_of_reach(accuracy, found, cause))
+    return found
 
 
 def _check_request(max_frequency_hz: float | None, n_modes: int | None, residual_vectors: int) -> None:
