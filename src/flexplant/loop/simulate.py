@@ -11,6 +11,7 @@ import xarray as xr
 from flexplant.blocks.tones import Tones, summed, tone_signal
 from flexplant.errors import InputError, expect_count, expect_function, nearest
 from flexplant.loop.cascade import Cascade, Simulated, simulated
+from flexplant.loop.labels import coordinates
 from flexplant.loop.loop_recursion import recursion_of
 from flexplant.loop.recursion import Progress, march
 from flexplant.loop.runner import Initial, checked_cascade, initial_state, is_hybrid, runner_of
@@ -122,16 +123,10 @@ def _dataset(
 ) -> xr.Dataset:
     units = dict(zip(system.outputs, system.output_units, strict=True))
     at = "time" if every == 1 else "output_time"
-    times = {} if every == 1 else {"output_time": ("output_time", t[::every], {"units": "s"})}
+    times: dict[str, npt.ArrayLike] = {"time": t} if every == 1 else {"time": t, "output_time": t[::every]}
+    labels = {**times, "output": kept, "input": list(system.inputs)}
     return xr.Dataset(
         {"outputs": (("output", at), z), "inputs": (("input", "time"), w), "final_state": (("state",), final)},
-        coords={
-            "time": ("time", t, {"units": "s"}),
-            **times,
-            "output": kept,
-            "input": list(system.inputs),
-            "output_units": ("output", [units[name] for name in kept]),
-            "input_units": ("input", list(system.input_units)),
-        },
+        coords=coordinates([units[name] for name in kept], system.input_units, **labels),
         attrs={"plant": system.name},
     )
