@@ -5,8 +5,9 @@ Imported only where numba is installed. Source: Duff and Reid, ACM Trans. Math. 
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 from scipy.linalg.blas import dsyrk
@@ -18,6 +19,7 @@ from flexplant.numerics.factorization.panel_lanes import STRIP
 from flexplant.numerics.factorization.supernodes import Supernodes, in_strips
 from flexplant.numerics.products import aligned
 
+Eliminated: TypeAlias = Callable[[int, FloatArray, FloatArray, FloatArray], bool]
 TOGETHER = 32  # rows below a triangle that are solved side by side
 
 
@@ -61,31 +63,45 @@ class Fronts:
         return self.stacks[self.odd[s]][self.at[s] : self.at[s] + int(self.height[s]) ** 2]
 
 
-def cholesky(nodes: Supernodes, matrix: Any) -> Panels | None:
-    """The factor of a CSR matrix; None where it is not positive definite, or its pattern not symmetric."""
-    at, start, padded = layout(nodes)
-    values, fronts, families = aligned(int(at[-1])), Fronts(nodes), nodes.families
+def swept(nodes: Supernodes, matrix: Any, fronts: Fronts, eliminated: Eliminated) -> bool:
+    """Front by front, children first; whether the CSR matrix had a place for all its entries, and every front was eliminated.
+
+    eliminated(s, square (c, c), below (r, c), update (r, r)), all by columns and lower, r a multiple of eight, sets the update to
+    what the columns take from the rows below them.
+    """
     place, rank = np.zeros(nodes.order.size, np.int64), np.empty(nodes.order.size, np.int64)
     rank[nodes.order] = np.arange(rank.size)
     entries = (nodes.order, rank, matrix.indptr, matrix.indices, matrix.data, place)
-    for s, (c, r, own) in enumerate(zip(nodes.columns.tolist(), np.diff(start).tolist(), at.tolist(), strict=False)):
+    for s, (c, r) in enumerate(zip(nodes.columns.tolist(), fronts.height.tolist(), strict=True)):
         first, last, rows = nodes.first[s], nodes.first[s + 1], nodes.rows[nodes.start[s] : nodes.start[s + 1]]
-        square, below = fronts.square[: c * c], fronts.below[: c * r]
+        square, below, update = fronts.square[: c * c], fronts.below[: c * r], fronts.update(s)
         square[:], below[:] = 0.0, 0.0
         placed(first, last, rows, place)
         if not entered(square, below, r, first, last, rows, *entries):
-            return None
-        children = [(nodes.rows[nodes.start[k] : nodes.start[k + 1]], fronts.update(k)) for k in families[s]]
+            return False
+        children = [(nodes.rows[nodes.start[k] : nodes.start[k + 1]], fronts.update(k)) for k in nodes.families[s]]
         for child_rows, child in children:
             extended(square, below, c, r, child, child_rows, place)
-        if dpotrf(square.reshape((c, c), order="F"), lower=1, overwrite_a=1, clean=0)[1]:
-            return None
-        packed(square, c, values, own)
-        if not r:
-            continue
-        solved_below(values, own, at[s + 1] - c * r, c, below, r, fronts.room, TOGETHER)
-        update = fronts.update(s)
-        dsyrk(-1.0, below.reshape((r, c), order="F"), c=update.reshape((r, r), order="F"), lower=1, overwrite_c=1)
-        for child_rows, child in children:
+        if not eliminated(s, square, below, update):
+            return False
+        for child_rows, child in children if r else ():
             handed_on(update, c, r, child, child_rows, place)
-    return Panels(nodes, values, at, start, padded)
+    return True
+
+
+def cholesky(nodes: Supernodes, matrix: Any) -> Panels | None:
+    """The factor of a CSR matrix; None where it is not positive definite, or its pattern not symmetric."""
+    at, start, padded = layout(nodes)
+    values, fronts = aligned(int(at[-1])), Fronts(nodes)
+
+    def eliminated(s: int, square: FloatArray, below: FloatArray, update: FloatArray) -> bool:
+        c, r = int(nodes.columns[s]), int(fronts.height[s])
+        if dpotrf(square.reshape((c, c), order="F"), lower=1, overwrite_a=1, clean=0)[1]:
+            return False
+        packed(square, c, values, at[s])
+        if r:
+            solved_below(values, at[s], at[s + 1] - c * r, c, below, r, fronts.room, TOGETHER)
+            dsyrk(-1.0, below.reshape((r, c), order="F"), c=update.reshape((r, r), order="F"), lower=1, overwrite_c=1)
+        return True
+
+    return Panels(nodes, values, at, start, padded) if swept(nodes, matrix, fronts, eliminated) else None

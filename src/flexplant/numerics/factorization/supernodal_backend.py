@@ -104,6 +104,15 @@ class SupernodalAnalysis:
         panels = cholesky(self.nodes, csr) if same and not np.iscomplexobj(csr.data) else None
         return self.pivoting.factorize(matrix) if panels is None else CholeskyFactor(panels)
 
+    def negative_eigenvalues(self, matrix: Any) -> int | None:
+        """How many eigenvalues of a real matrix of the pattern are negative, by the same order of elimination and about the
+        work of a Cholesky factor, of which nothing is kept; None where pivots are needed to tell."""
+        from flexplant.numerics.factorization.inertia import negative_eigenvalues
+
+        csr = _sorted(matrix)
+        fits = csr.shape == self.pattern.shape and not np.iscomplexobj(csr.data)
+        return negative_eigenvalues(self.nodes, csr) if fits else None
+
 
 def analyze(matrix: Any, *, threads: int | None = None) -> Analysis:
     """Order by nested dissection, and analyse. threads: of the factors of other matrices; LAPACK takes its own."""
