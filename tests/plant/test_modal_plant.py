@@ -7,7 +7,7 @@ import pytest
 from beam_systems import beam, one_beam_matrices, two_beams
 
 from flexplant.assembly import Connection, System, couple
-from flexplant.errors import InputError, LeftOutWarning
+from flexplant.errors import InputError, LeftOutWarning, ModelError
 from flexplant.model.component import Component
 from flexplant.modes import normal_modes
 from flexplant.plant.descriptor import descriptor
@@ -372,3 +372,15 @@ def test_residual_modes_keep_reciprocity_and_the_static_answer():
 def test_the_kind_of_static_correction_is_checked():
     with pytest.raises(InputError, match="static_correction"):
         modal_plant(two_beams(), inputs=INPUTS, outputs=["b.14.3"], static_correction="mode")
+
+
+def test_a_buckled_structure_is_told_as_such():
+    part = Component(name="x", mass=np.eye(3), stiffness=np.diag([-860.0, 9.0, -1.0]), boundary=[(1, 1), (1, 2), (1, 3)])
+    system = couple([part], [])
+    form = {"inputs": ["x.1.1"], "outputs": ["x.1.1"]}
+    with pytest.raises(
+        ModelError, match=r"buckles: 2 modes of negative stiffness, mode 1 .* -860 .*-4\.667 Hz.*descriptor"
+    ):
+        modal_plant(system, damping_ratio=0.0, **form)
+    direct = frequency_response(descriptor(system, **form), HZ).values[0, 0]
+    np.testing.assert_allclose(direct, 1 / (-860.0 - (2 * np.pi * HZ) ** 2), rtol=1e-12)

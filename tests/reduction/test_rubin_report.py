@@ -53,3 +53,34 @@ def test_a_shape_that_is_none_shows_in_its_residual(monkeypatch):
     monkeypatch.setattr(module, "lanczos", spoilt)
     report = fp.rubin(MODEL, corners(MODEL), n_modes=6).report
     assert max(report.residuals) > 1e-3
+
+
+@pytest.mark.parametrize("request_", [{"n_modes": 3}, {"max_frequency_hz": 100.0}])
+def test_without_interior_the_component_is_the_model(request_, capfd):
+    model = plate(2)
+    component = fp.rubin(model, model.dofs, **request_)
+    assert component.n_modal == 0
+    assert component.report.complete_below_hz == np.inf
+    np.testing.assert_array_equal(component.mass, model.mass.toarray())
+    np.testing.assert_array_equal(component.stiffness, model.stiffness.toarray())
+    assert capfd.readouterr() == ("", "")
+
+
+@pytest.mark.parametrize("reduce", [fp.craig_bampton, fp.rubin])
+def test_of_a_number_and_a_frequency_the_fewer_modes_are_taken_and_said(reduce):
+    top = 1.001 * float(fp.normal_modes(MODEL, n_modes=30).frequency_hz[-1])
+    few, all_of_them = (reduce(MODEL, corners(MODEL), n_modes=n, max_frequency_hz=top) for n in (3, 60))
+    assert few.report.n_modes == 3 < all_of_them.report.n_modes < 60
+    assert few.report.complete_below_hz < top
+    assert f"short of the {top:g} Hz asked" in str(few.report)
+    assert "short of" not in str(all_of_them.report) + str(reduce(MODEL, corners(MODEL), n_modes=3).report)
+
+
+def test_a_reduced_component_describes_itself_without_matrices():
+    text = repr(fp.craig_bampton(MODEL, corners(MODEL), n_modes=4, keep_basis=True))
+    assert text.startswith("ReducedComponent ")
+    assert "boundary DOF, 4 modal\n" in text
+    assert "  reduction       Hurty/Craig-Bampton: 4 modes + 0 residual vectors" in text
+    assert "  basis           kept\n" in text
+    assert "array(" not in text
+    assert len(text.splitlines()) < 12

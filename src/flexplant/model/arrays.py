@@ -116,7 +116,9 @@ def checked_matrix(matrix: Any, shape: tuple[int | None, int | None], what: str)
     try:
         given = matrix if is_sparse(matrix) else np.array(matrix)
         if np.iscomplexobj(given):
-            raise ModelError(f"{what} is complex; give real matrices (structural damping is a choice of the plant's damping)")
+            how = "craig_bampton(..., structural_damping=D) or Component(structural_damping=D), or a loss factor g where D = g K"
+            also = f"; of a complex stiffness K + i D give D as {how}" if "stiffness" in what else ""
+            raise ModelError(f"{what} is complex; give its real part{also}")
         out: Any = sp.csr_array(given, dtype=np.float64, copy=True) if is_sparse(given) else given.astype(np.float64, copy=False)
     except (TypeError, ValueError, OverflowError) as error:
         if isinstance(error, ModelError):

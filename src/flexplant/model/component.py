@@ -132,7 +132,8 @@ class Component:
         self._set_interior(owner, n)
 
     def __repr__(self) -> str:
-        head = f"Component {self.name!r}: {count(len(self.boundary), 'boundary DOF', 'boundary DOF')}, {self.n_modal} modal"
+        boundary = count(len(self.boundary), "boundary DOF", "boundary DOF")
+        head = f"{type(self).__name__} {self.name!r}: {boundary}, {self.n_modal} modal"
         present = [kind.replace("_", " ") for kind in ("damping", "structural_damping") if getattr(self, kind) is not None]
         rows = {
             "boundary": dof_text(self.boundary.pairs),
@@ -142,7 +143,11 @@ class Component:
             "units": self.units,
             "from": str(self.source.get("path", "")),
         }
-        return paragraph(head, rows)
+        return paragraph(head, rows | self._made())
+
+    def _made(self) -> dict[str, str]:
+        """What kinds of components say besides about themselves."""
+        return {}
 
     def _set_interior(self, owner: str, n: int) -> None:
         interior = DofSet.of(self.interior)

@@ -184,6 +184,7 @@ def modal_plant(
     if modes is None:
         modes = normal_modes(system, max_frequency_hz=max_frequency_hz, n_modes=n_modes)
     expect_modes_of(modes, system, "modal_plant")
+    _refuse_buckled(modes)
     columns, rows = input_matrix(system, inputs), output_matrices(system, outputs)
     kept, residual, as_modes = modes, None, static_correction == "modes"
     if static_correction and len(modes) < system.basis.shape[1]:
@@ -217,6 +218,18 @@ def modal_plant(
         source=origin(system),
     )
     return plant if residual is None else with_rates(plant, system, columns, rows, residual.massless, as_modes)
+
+
+def _refuse_buckled(modes: Modes) -> None:
+    """ModelError where a mode has negative w^2: it grows without bound, and is no oscillator."""
+    at = np.flatnonzero(modes.frequency_hz < 0)
+    if at.size:
+        hz = float(modes.frequency_hz[at[0]])
+        raise ModelError(
+            f"modal_plant: the structure buckles: {count(at.size, 'mode')} of negative stiffness, mode {at[0] + 1} with w^2 = "
+            f"{-((2 * np.pi * hz) ** 2):.4g} (rad/s)^2 (in normal_modes {hz:.4g} Hz); lower the prestress, check the sign of its "
+            "geometric stiffness, or hold more DOF; descriptor(system, ...) keeps such a mode, as an unstable one"
+        )
 
 
 def _direct_part(rows: OutputRows, displacement: FloatArray) -> FloatArray | None:

@@ -48,7 +48,8 @@ def craig_bampton(
     and `residual_vectors` = k blocks of load-dependent Ritz vectors X1 = Kii^-1 (Mii Psi + Mib), X(k+1) = Kii^-1 Mii Xk,
     made orthogonal and diagonalised, so that Kbq = 0, Mqq = I and Kqq = diag(w^2) hold for all q. Modes below
     `max_frequency_hz` are counted by Sylvester's law, so none is missing. So are the first `n_modes`, with verify_count=True,
-    at the price of one more factorisation; None leaves that out where it would be most of the work, False always.
+    at the price of one more factorisation; None leaves that out where it would be most of the work, False always. Where both are
+    given, whichever is fewer: modes end at `max_frequency_hz`, or before it with the n_modes-th, and `.report` says so.
 
     accuracy: instead of n_modes and residual_vectors, the relative error that no frequency up to `max_frequency_hz` of any
     system containing the component shall exceed because of its basis; what was chosen and verified is in `.report`.

@@ -57,6 +57,10 @@ class ReductionReport:
         kind = "free" if self.method == "Rubin" else "fixed-interface"
         text += f"; all {kind} modes below {self.complete_below_hz:.6g} Hz" if self.complete_below_hz else ""
         text += (" (counted)" if self.proved else " (not counted)") if self.complete_below_hz else ""
+        if not self.interface_dofs and self.complete_below_hz < (1 - 1e-9) * (self.max_frequency_hz or 0.0):
+            text += f", short of the {self.max_frequency_hz:g} Hz asked" + (
+                "" if kind == "free" else " because n_modes came first"
+            )
         text += f", residuals at most {max(self.residuals):.0e}" if self.residuals else ""
         if self.verified is not None:
             asked = "" if self.accuracy is None else f", asked {self.accuracy:.1e}"
@@ -84,7 +88,7 @@ class ReductionReport:
         )
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
+@dataclass(frozen=True, eq=False, kw_only=True, repr=False)
 class ReducedComponent(Component):
     """A component made by a reduction, u = T p.
 
@@ -98,6 +102,10 @@ class ReducedComponent(Component):
     basis: FloatArray | None = None
     error_rows: FloatArray | None = None
     extra: Mapping[str, Any] = field(default_factory=dict)
+
+    def _made(self) -> dict[str, str]:
+        rows = "" if self.error_rows is None else f"{len(self.error_rows)} rows"
+        return {"reduction": str(self.report), "basis": "" if self.basis is None else "kept", "error estimate": rows}
 
     def followed(self, basis: FloatArray, left_out: LeftOut, /) -> dict[str, Any]:
         """Basis, error rows and report on p = T p'; motions of the interface that T leaves out are errors too."""

@@ -63,32 +63,16 @@ def rubin(
     expect_function(progress, "rubin: progress", "stage, share")
     recover = checked_extras(model, recover, keep_basis, damping_ratio)
     part = Partition.of(model, boundary, threads=threads, memory_limit=memory_limit, backend=backend)
-    free = FreeSolve(part)
-    shapes, omega2, complete = _free_modes(free, max_frequency_hz, n_modes, progress)
-    n_b, psi, order = part.b.size, part.constraint_modes, np.r_[part.b, part.i]
-    relief = part.factor.solve(part.inertia_load @ free.rigid[:n_b]) if free.rigid.shape[1] else np.zeros((part.i.size, 0))
-    none = np.zeros((part.i.size, 0))
     loads = DofSet.of(loads)
-    other = np.hstack([relief, part.factor.solve(load_columns(part, loads))])
-    held = shapes[n_b:] - psi @ shapes[:n_b]
-    first = orthonormal(without(held, none, part), none, part)
-    rest = orthonormal(without(other, first, part), first, part)
-    vectors = np.hstack([first, rest])
-    missing = _missing(part, first, rest, (held, shapes[:n_b])) if error_estimate and part.i.size else None
-    interior = FreeInterior(part, none, np.zeros(0), complete, False, none, vectors, blocks=1, missing=missing)
-    report = ReductionReport(
-        method="Rubin",
-        n_modes=shapes.shape[1],
-        n_residual=vectors.shape[1] - shapes.shape[1],
-        complete_below_hz=float(np.sqrt(complete)) / (2 * np.pi),
-        residuals=tuple(residuals(part.block("stiffness", order, order), free.mass, omega2, shapes).tolist()),
-        max_frequency_hz=max_frequency_hz,
-        basis_bytes=basis_bytes(model, n_b + vectors.shape[1]),
+    interior, report = (
+        _reduced(part, load_columns(part, loads), max_frequency_hz, n_modes, error_estimate, progress)
+        if part.i.size
+        else _whole(part)
     )
     component = hcb_component(
         interior,
         report,
-        error_rows=None if missing is None else interior.error_rows,
+        error_rows=None if interior.missing is None else interior.error_rows,
         recover=recover,
         loads=loads,
         keep_basis=keep_basis,
@@ -107,6 +91,47 @@ class FreeInterior(Interior):
         """See `Interior.pending`. The rest is stiff: whatever is K-orthogonal to the basis lies above the free modes kept."""
         assert self.missing is not None
         return self.missing
+
+
+def _whole(part: Partition) -> tuple[FreeInterior, ReductionReport]:
+    """Without interior DOF the boundary is the whole model, all of whose modes are there already."""
+    none = np.zeros((0, 0))
+    report = ReductionReport(
+        method="Rubin", n_modes=0, complete_below_hz=np.inf, basis_bytes=basis_bytes(part.model, part.b.size)
+    )
+    return FreeInterior(part, none, np.zeros(0), np.inf, False, none, none), report
+
+
+def _reduced(
+    part: Partition,
+    loads: FloatArray,
+    max_frequency_hz: float | None,
+    n_modes: int | None,
+    error_estimate: bool,
+    progress: Progress | None,
+) -> tuple[FreeInterior, ReductionReport]:
+    """Rubin's vectors, and what they hold. loads: unit forces (n_i, k)."""
+    free = FreeSolve(part)
+    shapes, omega2, complete = _free_modes(free, max_frequency_hz, n_modes, progress)
+    n_b, psi, order = part.b.size, part.constraint_modes, np.r_[part.b, part.i]
+    none = np.zeros((part.i.size, 0))
+    relief = part.factor.solve(part.inertia_load @ free.rigid[:n_b]) if free.rigid.shape[1] else none
+    other = np.hstack([relief, part.factor.solve(loads)])
+    held = shapes[n_b:] - psi @ shapes[:n_b]
+    first = orthonormal(without(held, none, part), none, part)
+    rest = orthonormal(without(other, first, part), first, part)
+    vectors = np.hstack([first, rest])
+    missing = _missing(part, first, rest, (held, shapes[:n_b])) if error_estimate else None
+    report = ReductionReport(
+        method="Rubin",
+        n_modes=shapes.shape[1],
+        n_residual=vectors.shape[1] - shapes.shape[1],
+        complete_below_hz=float(np.sqrt(complete)) / (2 * np.pi),
+        residuals=tuple(residuals(part.block("stiffness", order, order), free.mass, omega2, shapes).tolist()),
+        max_frequency_hz=max_frequency_hz,
+        basis_bytes=basis_bytes(part.model, n_b + vectors.shape[1]),
+    )
+    return FreeInterior(part, none, np.zeros(0), complete, False, none, vectors, blocks=1, missing=missing), report
 
 
 def _missing(
