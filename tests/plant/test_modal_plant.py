@@ -378,9 +378,7 @@ def test_a_buckled_structure_is_told_as_such():
     part = Component(name="x", mass=np.eye(3), stiffness=np.diag([-860.0, 9.0, -1.0]), boundary=[(1, 1), (1, 2), (1, 3)])
     system = couple([part], [])
     form = {"inputs": ["x.1.1"], "outputs": ["x.1.1"]}
-    with pytest.raises(
-        ModelError, match=r"buckles: 2 modes of negative stiffness, mode 1 .* -860 .*-4\.667 Hz.*descriptor"
-    ):
+    with pytest.raises(ModelError, match=r"buckles: 2 modes of negative stiffness, mode 1 .* -860 .*-4\.667 Hz.*descriptor"):
         modal_plant(system, damping_ratio=0.0, **form)
     direct = frequency_response(descriptor(system, **form), HZ).values[0, 0]
     np.testing.assert_allclose(direct, 1 / (-860.0 - (2 * np.pi * HZ) ** 2), rtol=1e-12)
