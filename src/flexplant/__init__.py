@@ -23,7 +23,8 @@ _HOME = {
     "model.dofs": ("DofSet",),
     "model.geometry": ("Nodes", "Placement", "cylindrical_frame", "rigid_body_vectors"),
     "model.recovery": ("Recovery",),
-    "model.units": ("UNIT_SYSTEMS", "UnitSystem", "component_to_si", "model_to_si"),
+    "model.conversion": ("component_to_si", "model_to_si"),
+    "model.units": ("UNIT_SYSTEMS", "UnitSystem"),
     "reduction": (
         "characteristic_constraint_modes",
         "craig_bampton",

@@ -9,9 +9,9 @@ import pytest
 from nx_files import TRUSS
 
 from flexplant.io import read_component, read_geometry, write_component
-from flexplant.io.recovery_units import recovery_in_si
 from flexplant.model.geometry import rigid_body_vectors
 from flexplant.model.recovery import Recovery
+from flexplant.model.recovery_units import recovery_in_si
 from flexplant.model.units import unit_system
 
 MM = unit_system("mm-tonne-s")  # N, MPa

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import scipy.sparse as sp
@@ -9,14 +11,19 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from structures import chain, random_rotation, whole_component
 
+from flexplant.assembly import couple
+from flexplant.errors import InputError
 from flexplant.model.arrays import checked_symmetric
 from flexplant.model.component import Component, FiniteElementModel
+from flexplant.model.conversion import component_to_si, model_to_si
 from flexplant.model.damping import with_modal_damping
 from flexplant.model.dofs import DofSet, expand_directions
 from flexplant.model.geometry import Nodes, Placement, check_rotation, cross_matrix, cylindrical_frame, rigid_body_vectors
 from flexplant.model.recovery import Recovery
-from flexplant.model.units import UNIT_SYSTEMS, component_to_si, model_to_si, unit_system
+from flexplant.model.units import UNIT_SYSTEMS, unit_system
 from flexplant.modes import normal_modes
+from flexplant.plant.modal import modal_plant
+from flexplant.reduction import craig_bampton, expand
 from flexplant.verification import mass_properties
 
 pairs = st.lists(st.tuples(st.integers(1, 10**9), st.integers(0, 6)), unique=True, max_size=30)
@@ -200,3 +207,44 @@ def test_unit_conversion_keeps_modal_coordinates_normal():
     assert back.fixed_interface_hz[0] == pytest.approx(part.fixed_interface_hz[0])
     assert back.mass[0, 0] == pytest.approx(1000.0), "one tonne a unit"
     assert normal_modes(back).frequency_hz[0] == 0.0
+
+
+@pytest.mark.parametrize("units", ["SI", "mm-tonne-s"])  # as the model says; "SI" is also what a model says that says nothing
+def test_rows_that_a_reduction_recovers_become_si_with_the_matrices(units):
+    """recover=: a force in N gives the same metres and radians whether the model or its component is converted."""
+    model = replace(chain(), units=units)
+    reduced = craig_bampton(model, [(1, "123456")], n_modes=2, recover=[(3, 1), (3, 5)], keep_basis=True)
+    assert reduced.recovery["displacement"].units == {"SI": "m or rad", "mm-tonne-s": "mm or rad"}[units]
+    late = component_to_si(reduced, "mm-tonne-s")
+    early = craig_bampton(model_to_si(model, "mm-tonne-s"), [(1, "123456")], n_modes=2, recover=[(3, 1), (3, 5)])
+    for one in (late, early):
+        assert one.recovery["displacement"].units == "m or rad"
+        assert one.source["units"] == "mm-tonne-s"
+    frequency = [c.recovery["displacement"].displacement @ np.linalg.solve(c.stiffness - 4e4 * c.mass, np.eye(c.n)[:, :6])
+                 for c in (late, early)]  # fmt: skip
+    np.testing.assert_allclose(frequency[0], frequency[1], rtol=1e-8, atol=1e-12 * abs(frequency[1]).max())
+    with pytest.raises(InputError, match="changed units after its reduction"):
+        expand(late, np.zeros(late.n))
+    plant = modal_plant(couple([late]), inputs=["whole.1.1"], outputs=["whole.displacement.3.1", "whole.displacement.3.5:v"])
+    assert plant.output_units == ("m", "rad/s")
+
+
+def test_a_row_of_unknown_quantity_says_in_which_units_it_stayed():
+    rows = [Recovery("stress", ["7.1"], np.ones((1, 1))), Recovery("gauge", ["a"], np.ones((1, 1)), units="MPa")]
+    part = Component(name="q", mass=np.eye(1), stiffness=np.eye(1), boundary=[(1, 1)], recovery=rows)
+    back = component_to_si(part, "mm-tonne-s").recovery
+    assert (back["stress"].units, back["gauge"].units) == ("units of the file (mm-tonne-s)", "MPa")
+    assert back["stress"].displacement[0, 0] == 1e3
+
+
+def test_what_is_in_si_is_not_converted_again():
+    part = Component(name="q", mass=np.eye(2), stiffness=np.diag([0.0, 40.0]), boundary=[(1, 1)])
+    for convert, model in ((model_to_si, chain()), (component_to_si, part)):
+        once = convert(model, "mm-tonne-s")
+        with pytest.raises(InputError, match=r"'(whole|q)' is in SI already.*'mm-tonne-s'.*'inch-lbf' would scale it again"):
+            convert(once, "inch-lbf")
+        assert convert(once, "SI").units == "SI"
+        with pytest.raises(InputError, match="is in 'mm-kg-s', as its units say, and not in 'mm-tonne-s'"):
+            convert(replace(model, units="mm-kg-s"), "mm-tonne-s")
+        silent = replace(model, units="not stated", source={"units": "not stated: numbers as in the file"})
+        np.testing.assert_array_equal(convert(silent, (1e-3, 1e3)).mass, once.mass)

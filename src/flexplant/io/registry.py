@@ -20,11 +20,12 @@ from flexplant.io.formats import Format
 from flexplant.io.options import check_options, keywords, understood
 from flexplant.io.parse.files import UNSTATED_NUMBERS, as_path, checked_file, exists, one_line, read_head
 from flexplant.io.plausibility import warn_if_implausible
-from flexplant.io.recovery_units import recovery_in_si
 from flexplant.model.component import Component, FiniteElementModel, check_name
+from flexplant.model.conversion import component_in_si, model_in_si
 from flexplant.model.damping import DampingRatio, with_modal_damping
 from flexplant.model.display import DisplayMesh
-from flexplant.model.units import SI, UNSTATED, UnitSystem, component_to_si, model_to_si, unit_system
+from flexplant.model.recovery_units import recovery_in_si
+from flexplant.model.units import SI, UNSTATED, UnitSystem, unit_system
 
 Units = str | UnitSystem | tuple[float, float]
 
@@ -130,18 +131,15 @@ def _said_to_be_si(component: Component) -> Component:
 
 
 def _component_in_si(component: Component, units: UnitSystem) -> Component:
-    """Converted, rows of recovery of a known quantity included: our display (translations), and Nastran's sets."""
-    si = replace(units, name=SI.name) == SI
-    converted = _said_to_be_si(component) if si else component_to_si(component, units)
+    """Converted, rows of recovery of a known quantity included."""
+    if replace(units, name=SI.name) != SI:
+        return component_in_si(component, units)
+    converted = _said_to_be_si(component)
     ours = str(component.source.get("format", "")).startswith("flexplant")
     if ours and component.units != UNSTATED:  # its rows say what they are
         return converted
     ids = frozenset(np.asarray(converted.modal_ids).tolist())
-    rows = {name: recovery_in_si(r, units, ids) for name, r in converted.recovery.items()}
-    display = converted.recovery.get("display")
-    if display is not None and display.displacement is not None:
-        rows["display"] = display if si else replace(display, displacement=display.displacement * units.length, units="m")
-    return replace(converted, recovery=rows)
+    return replace(converted, recovery={name: recovery_in_si(r, units, ids) for name, r in converted.recovery.items()})
 
 
 def read_component(
@@ -186,7 +184,7 @@ def read_model(
     model: FiniteElementModel = _read("read_model", path, format, options)
     chosen = _unit_choice(model.source.get("units"), units, path)
     model = _labelled(model, chosen)
-    model = model if chosen is None else model_to_si(model, chosen)
+    model = model if chosen is None else model_in_si(model, chosen)
     warn_if_implausible(model, path)
     return model
 

@@ -1,18 +1,13 @@
-"""Unit systems: explicit choices, converted to SI at the edge, never guessed."""
+"""Unit systems: explicit choices, never guessed (`flexplant.model.conversion` converts)."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
-import scipy.sparse as sp
 
-from flexplant.errors import InputError, expect, expect_text, nearest
-from flexplant.model.arrays import FloatArray, Matrix, is_finite, is_number
-from flexplant.model.component import Component, FiniteElementModel
-from flexplant.model.dofs import DofSet
-from flexplant.model.geometry import Nodes
-from flexplant.model.recovery import Recovery
+from flexplant.errors import InputError, expect_text, nearest
+from flexplant.model.arrays import is_finite, is_number
 
 
 @dataclass(frozen=True)
@@ -73,83 +68,3 @@ def unit_system(units: str | UnitSystem | tuple[float, float]) -> UnitSystem:
         raise InputError(f"unit system: a preset or two positive numbers (length in m, mass in kg) are needed, got {units!r}")
     length, mass = pair
     return UnitSystem(f"{length} m, {mass} kg", float(length), float(mass))
-
-
-def _old_per_si(dofs: DofSet, units: UnitSystem) -> FloatArray:
-    """d with u_old = d * u_SI: translations 1/L, rotations 1, modal coordinates 1/(sqrt(M f) L), f the factor of mass."""
-    scale = np.ones(len(dofs))
-    scale[(dofs.direction >= 1) & (dofs.direction <= 3)] = 1 / units.length
-    scale[dofs.direction == 0] = 1 / (np.sqrt(units.mass * units.mass_factor) * units.length)
-    return scale
-
-
-def _scaled(matrix: Matrix | None, d: FloatArray, energy: float) -> Matrix | None:
-    if matrix is None:
-        return None
-    if sp.issparse(matrix):
-        return sp.csr_array(sp.diags_array(energy * d) @ matrix @ sp.diags_array(d))
-    return energy * d[:, None] * matrix * d[None, :]
-
-
-def _nodes_to_si(nodes: Nodes | None, units: UnitSystem) -> Nodes | None:
-    return None if nodes is None else replace(nodes, positions=nodes.positions * units.length)
-
-
-def _recovery_to_si(recovery: Recovery, d: FloatArray) -> Recovery:
-    """Columns only: the rows' own quantity stays in the file's units, as their `units` text says."""
-
-    def scaled(matrix: Matrix | None) -> Matrix | None:
-        return None if matrix is None else (matrix @ sp.diags_array(d) if sp.issparse(matrix) else matrix * d)
-
-    return replace(
-        recovery,
-        displacement=scaled(recovery.displacement),
-        velocity=scaled(recovery.velocity),
-        acceleration=scaled(recovery.acceleration),
-    )
-
-
-def _interior_to_si(component: Component, d: FloatArray, units: UnitSystem) -> Matrix | None:
-    """Displacement rows: columns as the coordinates, rows as the DOF they give."""
-    if component.interior_rows is None:
-        return None
-    own = sp.diags_array(1 / _old_per_si(component.interior, units))
-    scaled = own @ component.interior_rows @ sp.diags_array(d)
-    return sp.csr_array(scaled) if sp.issparse(scaled) else np.asarray(scaled)
-
-
-def component_to_si(component: Component, units: str | UnitSystem | tuple[float, float]) -> Component:
-    """The component converted to SI: energy scales by M L^2, so Mqq = I and frequencies stay as they are.
-
-    Mass written as weight ("inch-lbf") is divided by g: all frequencies, those of Kqq too, are then sqrt(g) times the file's.
-    Recovery rows keep the file's own row units (a stress row cannot be told from a displacement row).
-    """
-    expect(component, Component, "component_to_si", "read_component gives one, craig_bampton reduces a model to one")
-    system = unit_system(units)
-    d, energy = _old_per_si(component.dofs, system), system.mass * system.length**2
-    return replace(
-        component,
-        mass=_scaled(component.mass, d, energy * system.mass_factor),
-        stiffness=_scaled(component.stiffness, d, energy),
-        damping=_scaled(component.damping, d, energy),
-        structural_damping=_scaled(component.structural_damping, d, energy),
-        interior_rows=_interior_to_si(component, d, system),
-        nodes=_nodes_to_si(component.nodes, system),
-        recovery={r.name: _recovery_to_si(r, d) for r in component.recovery.values()},
-        units="SI",
-    )
-
-
-def model_to_si(model: FiniteElementModel, units: str | UnitSystem | tuple[float, float]) -> FiniteElementModel:
-    """The finite-element model converted to SI, see `component_to_si`."""
-    expect(model, FiniteElementModel, "model_to_si", "read_model gives one from a file")
-    system = unit_system(units)
-    d, energy = _old_per_si(model.dofs, system), system.mass * system.length**2
-    return replace(
-        model,
-        mass=_scaled(model.mass, d, energy * system.mass_factor),
-        stiffness=_scaled(model.stiffness, d, energy),
-        damping=_scaled(model.damping, d, energy),
-        nodes=_nodes_to_si(model.nodes, system),
-        units="SI",
-    )

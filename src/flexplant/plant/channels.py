@@ -13,6 +13,7 @@ import scipy.sparse as sp
 from flexplant.assembly import System
 from flexplant.errors import InputError, nearest
 from flexplant.model.arrays import items_of
+from flexplant.model.recovery_units import row_units
 from flexplant.plant.interface_force import ForceRow, force_labels, force_row
 
 DERIVATIVES = {":v": 1, ":a": 2}
@@ -220,8 +221,8 @@ def _recovery_row(system: System, component: str, recovery_name: str, label: str
             f"{name + suffix!r}: the row has velocity or acceleration parts of its own, so it cannot be differentiated"
         )
     shifted = {kinds[kinds.index(k) + order]: row for k, row in used.items()}
-    units = recovery.units + UNIT_SUFFIX[order] if recovery.units else ""
-    return _Channel(name + suffix, shifted, units)
+    units = row_units(recovery, label)
+    return _Channel(name + suffix, shifted, units and units + UNIT_SUFFIX[order])
 
 
 def _interface(system: System, name: str, order: int) -> list[_Channel]:

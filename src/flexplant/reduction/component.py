@@ -12,6 +12,7 @@ from flexplant.model.component import FiniteElementModel
 from flexplant.model.damping import DampingRatio, given_ratios
 from flexplant.model.dofs import DofSet
 from flexplant.model.recovery import Recovery
+from flexplant.model.recovery_units import displacement_units
 from flexplant.reduction.free import ROUND_OFF
 from flexplant.reduction.interior import Interior, coupling
 from flexplant.reduction.partition import Partition, project
@@ -109,7 +110,8 @@ def _recovery(part: Partition, interior: Interior, dofs: DofSet) -> dict[str, Re
     if not len(dofs):
         return {}
     labels = [f"{n}.{d}" for n, d in dofs.pairs]
-    return {"displacement": Recovery("displacement", labels, displacement=_rows(part, interior, dofs))}
+    units = displacement_units("displacement", labels, part.model.units)
+    return {"displacement": Recovery("displacement", labels, displacement=_rows(part, interior, dofs), units=units)}
 
 
 def _rows(part: Partition, interior: Interior, dofs: DofSet) -> FloatArray:

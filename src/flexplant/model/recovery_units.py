@@ -1,14 +1,14 @@
-"""Rows of vendors' recovery matrices in SI, where the set's name and the row's label say which quantity they are.
+"""Rows of recovery matrices in SI, where the set's name and the row's label say which quantity they are.
 
-Nastran names its sets mug1 (displacements), mqg1 and mqmg1 (forces at grids), mef1 (element forces), mes1 (stresses), mee1
-(strains), and its tables the element and item of each row. A set with a row of unknown quantity stays in the file's units, and
-says so.
+Ours are "displacement" (of a reduction's `recover=`) and "display" (of a sidecar), with labels "node.direction". Nastran names
+its sets mug1 (displacements), mqg1 and mqmg1 (forces at grids), mef1 (element forces), mes1 (stresses), mee1 (strains), and its
+tables the element and item of each row. A set with a row of unknown quantity stays in the file's units, and says so.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Collection
+from collections.abc import Collection, Iterable
 from dataclasses import replace
 
 import numpy as np
@@ -16,11 +16,18 @@ import scipy.sparse as sp
 
 from flexplant.model.arrays import FloatArray, Matrix
 from flexplant.model.recovery import Recovery
-from flexplant.model.units import SI, UnitSystem
+from flexplant.model.units import INCH, SI, UNIT_SYSTEMS, UnitSystem
 
 LENGTH, FORCE, MOMENT, PRESSURE, PER_LENGTH = "m", "N", "N m", "Pa", "N/m"
 MODAL, PLAIN = "modal", ""  # a coordinate q; an angle or a strain
-GRID_SETS = {"mug1": (LENGTH, "rad"), "mqg1": (FORCE, MOMENT), "mqmg1": (FORCE, MOMENT)}
+OWN_SETS = ("displacement", "display")
+LENGTH_NAMES = {1.0: LENGTH, 1e-3: "mm", INCH: "inch", 0.3048: "ft"}
+GRID_SETS = {
+    **dict.fromkeys(OWN_SETS, (LENGTH, "rad")),
+    "mug1": (LENGTH, "rad"),
+    "mqg1": (FORCE, MOMENT),
+    "mqmg1": (FORCE, MOMENT),
+}
 FORCES = {  # items of an element's forces, from the first; none where the items are not all of a known quantity
     **dict.fromkeys(("CROD", "CONROD"), (FORCE, MOMENT)),
     "CBAR": (MOMENT,) * 4 + (FORCE,) * 3 + (MOMENT,),
@@ -51,10 +58,26 @@ def recovery_in_si(recovery: Recovery, units: UnitSystem, modal_ids: Collection[
     )
 
 
+def displacement_units(name: str, labels: Iterable[str], units: str) -> str:
+    """The unit of one of our sets in the units of its component, as text: "m", "rad", "mm or rad"; "" where it is not known."""
+    quantities = [_quantity(name, label.split("."), ()) for label in labels]
+    if name not in OWN_SETS or units not in UNIT_SYSTEMS or None in quantities:
+        return ""
+    length = LENGTH_NAMES[UNIT_SYSTEMS[units].length]
+    return " or ".join(dict.fromkeys(length if q == LENGTH else str(q) for q in quantities))
+
+
+def row_units(recovery: Recovery, label: str) -> str:
+    """The unit of one row: of "m or rad" the one that is the row's; the set's own text where its rows do not differ."""
+    return next((u for u in recovery.units.split(" or ") if u == _quantity(recovery.name, label.split("."), ())), recovery.units)
+
+
 def _quantity(name: str, label: list[str], modal_ids: Collection[int]) -> str | None:
     """The unit of a row in SI; None where it is not known."""
     item = int(label[-1]) if len(label) > 1 and label[-1].isdigit() else None
     if item is None:
+        return None
+    if name in OWN_SETS and not (len(label) == 2 and label[0].isdigit()):
         return None
     if name in GRID_SETS:
         if 1 <= item <= 6:
