@@ -10,6 +10,7 @@ from flexplant.errors import InputError
 from flexplant.plant.conversion import from_control
 from flexplant.plant.discretize import discretize
 from flexplant.plant.state_space import StateSpace
+from flexplant.response.crossings import crossings, refined_grid
 from flexplant.response.frequency import frequency_response
 from flexplant.response.margins import (
     HALF_POWER_DB,
@@ -161,3 +162,31 @@ def test_bad_requests():
         crossing_hz(mirror(), np.nan)
     with pytest.raises(InputError, match="zero"):
         bandwidth_hz(loop([1.0, 0.0], [1.0, 2.0, 1.0]))
+
+
+@pytest.mark.parametrize("over", [1e-2, 1e-5, 1e-9])
+def test_crossings_about_a_turning_point_between_grid_points_are_found(over):
+    """|L| = (1 + e) / sqrt(1 + x^2), x = (w0^2 - w^2) / (2 zeta w0 w): crossings in closed form; below one there are none."""
+    w0, zeta, seen = 2 * np.pi * 1.91, 0.01, []
+
+    def loops(hz, over=over):
+        seen.append(hz.size)
+        w, bend = 2 * np.pi * hz, (hz / 3.3 - 1) ** 2
+        resonance = 2j * zeta * w0 * w / (w0**2 - w**2 + 2j * zeta * w0 * w)
+        return np.stack([(1 + over) * resonance, -3.0 - 1j * (bend - over), -3.0 + 1j * (bend - over), 3.0 + 1j * (bend - over)])
+
+    hz = np.geomspace(0.1, 20, 300)
+    gain, up, down, ahead = crossings(loops, *refined_grid(loops, hz))
+    x = zeta * np.sqrt((1 + over) ** 2 - 1) * np.array([-1, 1])
+    assert np.allclose(2 * np.pi * gain.unit_hz, w0 * (x + np.sqrt(1 + x**2)), rtol=1e-16 / x[1] + 1e-13, atol=0)
+    for real in (up, down):
+        assert np.allclose(real.phase_hz, 3.3 * (1 + np.sqrt(over) * np.array([-1, 1])), rtol=1e-15 / np.sqrt(over), atol=0)
+    assert not ahead.phase_hz.size
+
+    def below(hz):
+        return loops(hz, over=-over)
+
+    grid = refined_grid(below, hz)
+    seen.clear()
+    assert not any(c.unit_hz.size or c.phase_hz.size for c in crossings(below, *grid))
+    assert sum(seen) < 4 * 45  # golden section ends where a parabola cannot reach the level

@@ -1,7 +1,8 @@
 """Where loop gains known only by evaluation cross one and the negative real axis: a grid refined where they turn, then roots.
 
 For loops too large for the eigenvalue pencils of `level`. A crossing is found where the refined grid shows a change of sign, and
-is then exact to round-off. What can be missed: two crossings between neighbouring points whose middle shows no bend.
+is then exact to round-off; where a loop turns back just before a crossing, its turning point is followed to see whether it
+passes. What can be missed: two crossings between neighbouring points whose middle shows no bend, far from a turning point.
 """
 
 from __future__ import annotations
@@ -22,6 +23,9 @@ MOST_POINTS = 400_000
 MOST_DECADES = 15
 FLAT = 0.05  # decades of gain in a decade of frequency, below which a loop has settled
 SHARE = 0.48  # of an interval, where it is divided: not the middle, where an undamped mode may lie between two points
+TURNING = 0.2  # nearness to a crossing at which a turning point is followed: four times what an interval may bend
+SETTLED = 1e-9  # relative length of an interval in which a parabola is flat to round-off
+GOLDEN = 0.5 * (np.sqrt(5.0) - 1.0)
 GAIN, PHASE = 0, 1  # kinds of crossings
 NEIGHBOURS = 2e-15  # relative length of an interval that is not divided further
 MOST_STEPS = 200
@@ -87,9 +91,11 @@ def crossings(loops: Loops, hz: FloatArray, values: ComplexArray) -> list[Crossi
     """All crossings of each loop, from its values (r, nf) on a grid: gains and phases are closed in on together."""
     sides = np.stack([_measured(values, np.full(values.shape, kind)) for kind in (GAIN, PHASE)])
     kind, row, start = np.nonzero(np.sign(sides[:, :, :-1]) * np.sign(sides[:, :, 1:]) < 0)
-    ends = (sides[kind, row, start], sides[kind, row, start + 1])
+    brackets = np.stack([hz[start], hz[start + 1], sides[kind, row, start], sides[kind, row, start + 1]])
+    own, of, turned = _beyond_turning_points(loops, hz, sides, values)
+    kind, row, brackets = np.r_[kind, own], np.r_[row, of], np.hstack([brackets, turned])
     touching = np.nonzero(sides == 0)
-    roots = _closed_in(loops, kind, row, (hz[start], hz[start + 1]), ends)
+    roots = _closed_in(loops, kind, row, (brackets[0], brackets[1]), (brackets[2], brackets[3]))
     kind, row, roots = (np.r_[x, y] for x, y in zip((kind, row, roots), (*touching[:2], hz[touching[2]]), strict=True))
     at = loops(roots)[row, np.arange(roots.size)] if roots.size else np.zeros(0, dtype=complex)
     keep = (kind == GAIN) | ((at.real < 0) & (abs(at.imag) <= REAL * abs(at)))
@@ -99,6 +105,58 @@ def crossings(loops: Loops, hz: FloatArray, values: ComplexArray) -> list[Crossi
         mine = [which[np.argsort(roots[which])] for which in mine]
         found.append(Crossings(roots[mine[0]], at[mine[0]], roots[mine[1]], at[mine[1]]))
     return found
+
+
+def _beyond_turning_points(
+    loops: Loops, hz: FloatArray, sides: FloatArray, values: ComplexArray
+) -> tuple[IntArray, IntArray, FloatArray]:
+    """Kind, row and brackets (4, nb), as (x1, x2, f1, f2), of crossings about extrema that pass zero between grid points.
+
+    Where the measure turns back before zero at a grid point, closer than `TURNING` (of |L| for the real axis, where that is
+    negative), golden section follows it between the two neighbours, all at once, until it is beyond zero or cannot get there.
+    """
+    size = abs(sides)
+    close = size < TURNING * np.stack([np.ones(values.shape), np.where(values.real < 0, abs(values), 0.0)])
+    least = (size[:, :, 1:-1] <= size[:, :, :-2]) & (size[:, :, 1:-1] <= size[:, :, 2:])
+    sign = np.sign(sides)
+    one_side = (sign[:, :, 1:-1] == sign[:, :, :-2]) & (sign[:, :, 1:-1] == sign[:, :, 2:])
+    kind, row, at = np.nonzero(least & one_side & close[:, :, 1:-1])
+    side = sign[kind, row, at + 1]
+
+    def beyond(x: FloatArray, which: IntArray) -> FloatArray:
+        return np.asarray(side[which] * _measured(loops(x)[row[which], np.arange(x.size)], kind[which]))
+
+    ends = hz[at], hz[at + 2], size[kind, row, at], size[kind, row, at + 2]
+    x, f = _lowest(beyond, *ends)
+    hit = np.flatnonzero(f < 0)
+    left, right = (
+        np.stack(part)[:, hit] for part in ((ends[0], x, side * ends[2], side * f), (x, ends[1], side * f, side * ends[3]))
+    )
+    return np.tile(kind[hit], 2), np.tile(row[hit], 2), np.hstack([left, right])
+
+
+def _lowest(
+    function: Callable[[FloatArray, IntArray], FloatArray], a: FloatArray, b: FloatArray, fa: FloatArray, fb: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """(x, value) of a local minimum within each [a, b], or of a point below zero, or of one above a minimum that stays positive.
+
+    Golden section of all at once. The minimum of a parabola lies less than 1.5 (max(fa, fb) - f) below the lowest value f seen.
+    """
+    open_, found, lowest = np.arange(a.size), a.copy(), fa.copy()
+    x1, x2 = b - GOLDEN * (b - a), a + GOLDEN * (b - a)
+    f1, f2 = (function(x, open_) if open_.size else x for x in (x1, x2))
+    while open_.size:
+        f = np.minimum(f1, f2)
+        found[open_], lowest[open_] = np.where(f1 <= f2, x1, x2), f
+        on = (f >= 0) & (2 * (np.maximum(fa, fb) - f) > f) & (b - a > SETTLED * b)
+        open_ = open_[on]
+        a, b, fa, fb, x1, x2, f1, f2 = (array[on] for array in (a, b, fa, fb, x1, x2, f1, f2))
+        left = f1 <= f2
+        a, fa, b, fb = np.where(left, a, x1), np.where(left, fa, f1), np.where(left, x2, b), np.where(left, f2, fb)
+        x = np.where(left, b - GOLDEN * (b - a), a + GOLDEN * (b - a))
+        f = function(x, open_) if open_.size else x
+        x1, x2, f1, f2 = np.where(left, x, x2), np.where(left, x1, x), np.where(left, f, f2), np.where(left, f1, f)
+    return found, lowest
 
 
 def _measured(values: ComplexArray, kind: IntArray) -> FloatArray:
