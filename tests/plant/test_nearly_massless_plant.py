@@ -52,3 +52,16 @@ def test_modal_and_descriptor_agree_beside_modes_of_a_million_hertz(seed, kept):
     assert modes.n_rigid == 6
     assert modes.residuals.max() < 1e-11
     assert verify(system, modes=modes).passed
+
+
+def test_verify_sees_what_a_solver_leaves_of_stiff_modes_in_soft_ones():
+    """As eigh(K, M) does beside a nearly massless motion: little in the shape, more in its strain energy."""
+    system = coupled(0, (10, 6))
+    modes = normal_modes(system)
+    shapes = modes.shapes.copy()
+    shapes[:, 6] += 1e-4 * modes.omega[6] / modes.omega[-1] * shapes[:, -1]
+    (check,) = [
+        c for c in verify(system, modes=replace(modes, shapes=shapes)).checks if c.name == "strain energy shared by modes"
+    ]
+    assert not check.passed
+    assert check.value == pytest.approx(1e-4, rel=1e-3)

@@ -23,6 +23,8 @@ from flexplant.verification.reduction_range import reduction_range
 from flexplant.verification.rigid_body import DIRECTION_NAMES, blocked_directions, strain_energy
 
 DEFINITE_LIMIT = -1e-8  # smallest eigenvalue of a matrix scaled to unit diagonal; single-precision files reach about -1e-9
+SHARED_LIMIT = 1e-6
+ROUNDED = 100 * float(np.finfo(float).eps)  # of the terms in a product
 DENSE_CHECK = 3000  # coordinates up to which definiteness is checked by all eigenvalues
 
 
@@ -70,7 +72,7 @@ def verify(
     notes += [
         f"{r.connection.name}: nodes up to {r.gap:.4g} apart ({r.connection.offset})" for r in system.connections if r.gap > 0
     ]
-    checks.append(_residual(modes))
+    checks += [_residual(modes), _shared_strain(system, modes)]
     reductions = reduction_range(system, modes, max_frequency_hz, reduction_error)
     checks, tables, notes = checks + reductions.checks, tables + reductions.tables, notes + reductions.notes
     if reference is not None:
@@ -103,6 +105,19 @@ def _count(system: System, modes: Modes, expected: int) -> Check:
 def _residual(modes: Modes) -> Check:
     worst = float(modes.residuals.max(initial=0.0))
     return Check("eigenvector residual", worst, 1e-6, worst <= 1e-6, "", "largest |K phi - w^2 M phi| / |stiffness scale x phi|")
+
+
+def _shared_strain(system: System, modes: Modes) -> Check:
+    """|phi_i^T K phi_j - w_i^2 d_ij| / (w_i w_j): soft modes show in it what of stiff ones a solver left in them, long before a
+    residual does. Less what rounding the products can cause."""
+    elastic = np.flatnonzero(modes.omega)
+    omega = modes.omega[elastic]
+    shapes = modes.shapes[:, elastic] / abs(omega)
+    shared = abs(shapes.T @ (system.uncoupled_stiffness @ shapes) - np.diag(np.sign(omega)))
+    size = np.sqrt(abs(system.uncoupled_stiffness.diagonal()) @ shapes**2)
+    worst = float(np.max(shared - ROUNDED * np.outer(size, size), initial=0.0))
+    text = "largest |phi_i^T K phi_j - w_i^2 (i = j)| / (w_i w_j): frequencies may be off by as much"
+    return Check("strain energy shared by modes", worst, SHARED_LIMIT, worst <= SHARED_LIMIT, "", text)
 
 
 def _matrices(system: System) -> Iterator[Check]:
