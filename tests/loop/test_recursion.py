@@ -219,6 +219,7 @@ from flexplant.loop.frequency import frequency_response
 from flexplant.loop.harmonic import harmonic_response
 from flexplant.loop.line_of_sight import LineOfSight, line_of_sight_diagram
 from flexplant.loop.simulate import simulate
+from flexplant.loop.stream import simulate_stream
 from flexplant.plant.modal import ModalPlant
 from flexplant.plant.state_space import StateSpace
 
@@ -248,13 +249,15 @@ for system, nt in ((plant, 9001), (loop, 9001), (limited, 9001), (damped, 500), 
     result = simulate(system, t[:nt], rng.normal(size=(len(system.inputs), nt)))
     print(result.attrs.get("stepping", "sampled")[:17], end=", ")
     print(result.outputs.values.tobytes().hex()[-4000:], result.final_state.values.tobytes().hex())
+for piece in simulate_stream(limited, dt=1e-4, samples=900, piece=300, inputs=lambda t: {"u0": np.sin(9 * t)}):
+    print(piece.outputs.values.tobytes().hex(), piece.final_state.values.tobytes().hex())
 tones = Tones(frequency_hz=[30.0, 400.0], amplitude=[[1.0, 2.0]], inputs=["u1"])
 print(harmonic_response(damped, tones).values.tobytes().hex(), frequency_response(damped, [1.0, 77.0]).values.tobytes().hex())
 """
 
 
 def test_one_and_more_threads_give_the_same_bits():
-    """Open loop, mirror, a saturation around the modes, a loop of 401 states in its own modes, a dense block, tones."""
+    """Open loop, mirror, a saturation around the modes, a loop of 401 states in its own modes, a dense block, pieces of a run, tones."""
     found = []
     for threads in ("1", "2", "3"):
         names = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")

@@ -19,6 +19,7 @@ from flexplant.loop.stepping import Stepper, stepper
 from flexplant.loop.user_code import c_functions
 from flexplant.model.arrays import FloatArray, IntArray
 from flexplant.numerics.compiled import numba
+from flexplant.numerics.threads import one_thread
 
 CHUNK = 16384
 LONG = 4096  # samples from which compiling a plain function is worth its time
@@ -81,6 +82,7 @@ class HybridRecursion:
         size = CHUNK if self.ahead is None else self.ahead.chunk
         return max(1, size // self.every) * self.every
 
+    @one_thread
     def run(self, w: FloatArray, nt: int) -> FloatArray:
         """(kept, nz) outputs at samples 0, every, ... < nt; the state moves to sample nt. w: (nt + 1, nw)."""
         if not self._begun:
