@@ -22,7 +22,7 @@ from flexplant.numerics.factorization.panel_lanes import STRIP
 from flexplant.numerics.factorization.supernodes import Supernodes
 from flexplant.numerics.products import aligned
 
-GROWTH = 1e3  # of |L| |L|^T over |A| on the diagonal, up to which signs count
+GROWTH = 1e4  # of |L| |L|^T over |A| on the diagonal, up to which signs count: E then is 1e-12 of the diagonal
 NOISE = 1e-13  # of that diagonal: a pivot up to there may be round-off
 BLOCK, PANEL = 128, 512  # columns eliminated together, and updated together
 
