@@ -140,7 +140,10 @@ def test_export_knows_every_plant_format_and_its_options(tmp_path):
         assert ending in call("export", "--help").stdout
     assert "linear between samples" in (tmp_path / "copy.h").read_text()
     assert "--dt" in refused("export", plant, "--to", "c")
-    assert "no option 'version'" in refused("export", plant, "--to", "c", "--dt", "1e-3", "--fmi", "3")
+    assert "no option --fmi" in refused("export", plant, "--to", "c", "--dt", "1e-3", "--fmi", "3")
+    said = refused("export", plant, "--to", "fmu", "--fmi", "4")  # in the words that were typed
+    assert "--fmi 4: FMUs are written for FMI 2.0 or 3.0; pass --fmi 2 or --fmi 3" in said
+    assert "version" not in said
     assert "does not end with .c" in refused("export", plant, "--to", "c", "--dt", "1e-3", "-o", tmp_path / "p.fmu")
     assert "there is no folder" in refused("export", plant, "--to", "mat", "-o", tmp_path / "nowhere" / "p.mat")
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import glob
+import inspect
 import re
 import warnings
 from collections.abc import Callable, Iterator
@@ -18,6 +19,7 @@ from flexplant.errors import CheckFailedError, FlexplantError, LeftOutWarning, P
 
 NOTES = (PlausibilityWarning, LeftOutWarning)
 OK, FAILED, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
+SPELLED = {"version": "fmi"}  # options of a format that a command has under a name of its own
 P = ParamSpec("P")
 R = TypeVar("R")
 
@@ -33,7 +35,7 @@ def told(command: Callable[P, R]) -> Callable[P, R]:
         except (CheckFailedError, SolverError) as error:
             raise end(str(error), FAILED) from None
         except FlexplantError as error:
-            raise end(hinted(str(error)), BAD_INPUT) from None
+            raise end(hinted(str(error), command), BAD_INPUT) from None
         except OSError as error:
             raise end(f"{error.filename or 'file'}: {error.strerror or error}", BAD_INPUT) from None
         except MemoryError:
@@ -72,10 +74,14 @@ def look(*paths: Path) -> None:
             raise ReadError(path, "no such file" + (f"; beside it: {', '.join(beside)}" if beside else ""))
 
 
-def hinted(text: str) -> str:
-    """An error of the library with the command line's words for the option that it asks for."""
+def hinted(text: str, command: Callable[..., Any]) -> str:
+    """An error of the library in the command line's words: its own option, or --option where it takes those of a format."""
+    takes = inspect.signature(command).parameters
+    own, spelled = next(((w, s) for w, s in SPELLED.items() if s in takes and re.search(rf"\b{w}\b", text)), ("", ""))
+    if own:
+        return re.sub(rf"\b{own}=", f"--{spelled} ", text).replace(repr(own), f"--{spelled}")
     asked = re.search(r"pass (\w+)=", text)
-    if asked is None or asked[1] in ("overwrite", *OWN_OPTIONS):
+    if asked is None or asked[1] in ("overwrite", *OWN_OPTIONS) or "option" not in takes:
         return text
     return f"{text} (here: --option {asked[1]}=...)"
 
