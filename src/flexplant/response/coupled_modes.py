@@ -11,6 +11,7 @@ import scipy.linalg
 
 from flexplant.errors import InputError
 from flexplant.model.arrays import FloatArray, IntArray
+from flexplant.numerics.threads import one_thread
 from flexplant.plant.modal import ModalPlant
 
 ComplexArray: TypeAlias = npt.NDArray[np.complex128]
@@ -36,6 +37,7 @@ class CoupledResponse:
         self._fast: _FastModes | None = None
         self._decomposable = bool(plant.n_modes) and not self.near.all()
 
+    @one_thread
     def __call__(self, omega: FloatArray, out: ComplexArray) -> None:
         """Adds to out (ny, nu, nf); InputError on a pole without damping."""
         fast = self._trusted(np.sort(omega)) if omega.size > FEW else None

@@ -9,6 +9,7 @@ import numpy.typing as npt
 import scipy.linalg
 
 from flexplant.errors import InputError
+from flexplant.numerics.threads import one_thread
 from flexplant.plant.state_space import StateSpace
 
 ComplexArray: TypeAlias = npt.NDArray[np.complex128]
@@ -21,6 +22,7 @@ NEAR_POLE = 1e-14  # distance of an evaluation point from a pole, relative to th
 class TransferFunction:
     """s -> C (s I - A)^-1 B + D with A decomposed once: balanced, then poles and residues or a complex Schur form."""
 
+    @one_thread
     def __init__(self, system: StateSpace) -> None:
         self.system = system
         self.poles = np.zeros(0, dtype=complex)
@@ -43,6 +45,7 @@ class TransferFunction:
             return None
         return self.poles, np.asarray(self._right, dtype=complex), np.asarray(self._left, dtype=complex)
 
+    @one_thread
     def __call__(self, s: ComplexArray) -> ComplexArray:
         """(ny, nu, nf) at complex points s (nf,); InputError where one lies on a pole."""
         system = self.system

@@ -11,6 +11,7 @@ import xarray as xr
 
 from flexplant.errors import InputError
 from flexplant.model.arrays import FloatArray, real_values
+from flexplant.numerics.threads import one_thread
 from flexplant.plant.modal import ModalPlant
 from flexplant.plant.state_space import Descriptor, StateSpace
 from flexplant.response.descriptor import DescriptorResponse
@@ -22,6 +23,7 @@ ComplexArray: TypeAlias = npt.NDArray[np.complex128]
 STREAMED = 2**20  # complex numbers of a streamed block, 16 MB
 
 
+@one_thread
 def frequency_response(plant: Plant, frequency_hz: npt.ArrayLike, *, out: ComplexArray | None = None) -> xr.DataArray:
     """Complex response of a plant, dims (output, input, frequency), at ascending frequencies in Hz.
 

@@ -7,6 +7,7 @@ import scipy.linalg
 
 from flexplant.errors import InputError
 from flexplant.model.arrays import FloatArray, real_values
+from flexplant.numerics.threads import one_thread
 from flexplant.plant.modal import ModalPlant
 from flexplant.plant.state_space import Descriptor, StateSpace, output_rows, state_space
 
@@ -14,6 +15,7 @@ ROUND_OFF = 1e-9
 BLOCK = 256
 
 
+@one_thread
 def h2_norm(plant: ModalPlant | StateSpace | Descriptor) -> float:
     """sqrt( (1 / 2 pi) int trace(G G^H) d omega ); inf where it does not exist (feedthrough, undamped or growing poles seen).
 
@@ -22,6 +24,7 @@ def h2_norm(plant: ModalPlant | StateSpace | Descriptor) -> float:
     return float(np.sqrt((white_noise_rms(plant) ** 2).sum()))
 
 
+@one_thread
 def white_noise_rms(plant: ModalPlant | StateSpace | Descriptor, intensity: FloatArray | None = None) -> FloatArray:
     """(ny,) RMS of each output for white inputs with E[u(t) u(t')^T] = W delta(t - t'); intensity W (nu, nu), or I.
 

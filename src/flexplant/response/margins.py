@@ -10,6 +10,7 @@ import scipy.linalg
 
 from flexplant.errors import InputError
 from flexplant.model.arrays import FloatArray, is_finite
+from flexplant.numerics.threads import one_thread
 from flexplant.plant.modal import ModalPlant
 from flexplant.plant.state_space import StateSpace, channels_of, state_space
 from flexplant.response.level import Gain, on_axis, sign_changes
@@ -86,6 +87,7 @@ class Margins:
         return min(loop.delay_margin_s for loop in self.loops)
 
 
+@one_thread
 def margins(loop_gain: StateSpace | ModalPlant) -> Margins:
     """Margins of the loop gain L under negative feedback u = r - L u, as many inputs as outputs, paired in order.
 
@@ -233,6 +235,7 @@ def disk_margin_of(peak: HinfNorm) -> DiskMargin:
     return DiskMargin(alpha, low, high, float(np.degrees(2 * np.arctan(alpha / 2))), peak.frequency_hz)
 
 
+@one_thread
 def crossing_hz(plant: StateSpace | ModalPlant, level_db: float) -> FloatArray:
     """Ascending frequencies (Hz) where the gain (largest singular value) passes through level_db, every one of them."""
     if not (is_finite(level_db) and abs(level_db) <= MAX_DB):
@@ -241,6 +244,7 @@ def crossing_hz(plant: StateSpace | ModalPlant, level_db: float) -> FloatArray:
     return gain.hz(gain.crossings(10 ** (level_db / 20)))
 
 
+@one_thread
 def bandwidth_hz(plant: StateSpace | ModalPlant, level_db: float = HALF_POWER_DB) -> float:
     """First frequency (Hz) where the gain has fallen by level_db (half power) below its value at 0 Hz; inf if it never does.
 

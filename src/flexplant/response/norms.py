@@ -12,6 +12,7 @@ from scipy.optimize import minimize_scalar
 
 from flexplant.errors import InputError, expect_choice
 from flexplant.model.arrays import FloatArray, is_number
+from flexplant.numerics.threads import one_thread
 from flexplant.plant.modal import ModalPlant
 from flexplant.plant.state_space import Descriptor, StateSpace, state_space
 from flexplant.plant.subset import with_modes
@@ -42,6 +43,7 @@ class HinfNorm:
     certificate: str = ""
 
 
+@one_thread
 def singular_values(plant: Plant | xr.DataArray, frequency_hz: npt.ArrayLike | None = None) -> xr.DataArray:
     """Singular values of the response, dims (frequency, index), descending; (nf, min(ny, nu)).
 
@@ -64,6 +66,7 @@ def singular_values(plant: Plant | xr.DataArray, frequency_hz: npt.ArrayLike | N
     return xr.DataArray(values, dims=("frequency", "index"), coords=coords, name="singular_values", attrs=plant.attrs)
 
 
+@one_thread
 def hinf_norm(plant: Plant, *, tolerance: float = 1e-7, unbounded: str = "infinite") -> HinfNorm:
     """The largest singular value over all frequencies, its frequency located and its value bracketed to `tolerance` (relative).
 
