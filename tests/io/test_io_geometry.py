@@ -198,3 +198,27 @@ def test_solids_show_their_skin_and_rbe3_its_spokes(tmp_path: Path) -> None:
     centre = mesh.nodes.tolist().index(20)
     assert sorted(mesh.nodes[mesh.lines[mesh.lines[:, 0] == centre, 1]].tolist()) == [9, 10, 11]
     assert len(mesh.lines) == 4
+
+
+TWICE = {
+    "GRID,1,,0.,0.,0.\nGRID,1,,1.,0.,0.\n": r"line 2: GRID 1 is there already with other numbers \(line 1\)",
+    "GRID,1,,0.,0.,0.\nGRID,1,,0.,0.,0.,7\nCORD2R,7,,0.,0.,0.,0.,0.,1.,\n+,1.,0.,0.\n": "line 2: GRID 1 is there already",
+    "GRID,-3,,0.,0.,0.\n": "line 1: GRID has id -3; ids are 1 and above",
+    "GRID,1,,0.,0.,0.\nCORD2R,7,,0.,0.,0.,0.,0.,1.,\n+,1.,0.,0.\nCORD2R,7,,0.,0.,0.,0.,0.,1.,\n+,0.,1.,0.\n": "CORD2R 7 is",
+    "GRID,1,,0.,0.,0.\nCORD1R,-7,1,2,3\n": "line 2: CORD1R has id -7",
+}
+
+
+@pytest.mark.parametrize("text", TWICE)
+def test_what_nastran_stops_at_is_refused(tmp_path: Path, text: str) -> None:
+    with pytest.raises(ReadError, match=TWICE[text]):
+        read_geometry(deck(tmp_path, text))
+
+
+def test_the_same_grid_twice_is_one_and_an_include_is_no_other_file(tmp_path: Path) -> None:
+    same = "CORD2R,7,,0.,0.,0.,0.,0.,1.,\n+,1.,0.,0.\nGRID,1,,0.5,0.,0.,7\n"
+    (tmp_path / "more.blk").write_text(same + "grid,1,0,5.-1,,,7\n")
+    assert read_geometry(deck(tmp_path, same + "INCLUDE 'more.blk'\n")).positions.tolist() == [[0.5, 0, 0]]
+    (tmp_path / "more.blk").write_text("GRID,1,,0.6,0.,0.,7\n")
+    with pytest.raises(ReadError, match=r"more\.blk.*line 1: GRID 1 is there already with other numbers \(line 3 of deck\.bdf\)"):
+        read_geometry(deck(tmp_path, same + "INCLUDE 'more.blk'\n"))

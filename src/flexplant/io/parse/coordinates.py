@@ -14,6 +14,7 @@ from flexplant.io.parse.bulk import Card
 from flexplant.model.arrays import FloatArray
 from flexplant.model.geometry import Nodes, cylindrical_frame
 
+GRID_FIELDS = range(1, 6)  # CP, position, CD
 SYSTEM_CARDS = {f"CORD{n}{kind}": kind for n in "12" for kind in "RCS"}
 
 
@@ -54,7 +55,7 @@ BASIC = CoordinateSystem("R", np.zeros(3), np.eye(3))
 
 @dataclass
 class Geometry:
-    """Grids and coordinate systems of some cards, resolved on demand; the first card of an id counts."""
+    """Grids and coordinate systems of some cards, resolved on demand; of several files the first card of an id counts."""
 
     path: Path = Path()
     systems: dict[int, tuple[Card, int]] = field(default_factory=dict)
@@ -65,20 +66,25 @@ class Geometry:
     _open: list[str] = field(default_factory=list)
 
     @classmethod
-    def of(cls, cards: Iterable[Card]) -> Geometry:
-        """From the GRID, SPOINT and CORD cards among these."""
+    def of(cls, cards: Iterable[Card], *, one_deck: bool = False) -> Geometry:
+        """From the GRID, SPOINT and CORD cards among these; one_deck: their files are parts of one, with INCLUDE.
+
+        Raises ReadError for an id below 1, and for one that a file (or the deck) has twice with other numbers, as Nastran does.
+        """
         out = cls()
         scalars: dict[int, None] = {}
         for card in cards:
             out.path = card.path
             if card.name == "GRID":
-                out.grids.setdefault(card.integer(0), card)
+                _agree(card, out.grids.setdefault(_id(card, 0), card), GRID_FIELDS, one_deck)
             elif card.name == "SPOINT":
                 scalars.update(dict.fromkeys(card.ids()))
             elif card.name in SYSTEM_CARDS:
-                for start in (0, 4) if card.name[4] == "1" else (0,):
+                starts, size = ((0, 4), 4) if card.name[4] == "1" else ((0,), 11)
+                for start in starts:
                     if card.text(start):
-                        out.systems.setdefault(card.integer(start), (card, start))
+                        first, at = out.systems.setdefault(_id(card, start), (card, start))
+                        _agree(card, first, range(start, start + size) if start == at else (), one_deck)
         out.scalars = list(scalars)
         return out
 
@@ -132,6 +138,22 @@ class Geometry:
         positions = np.array([self.position(i) for i in ids]).reshape(-1, 3)
         plain = bool((frames == np.eye(3)).all())
         return Nodes(ids=np.array(ids, dtype=np.int64), positions=positions, frames=None if plain else frames)
+
+
+def _id(card: Card, index: int) -> int:
+    found = card.integer(index)
+    if found < 1:
+        raise card.fail(f"has id {found}; ids are 1 and above")
+    return found
+
+
+def _agree(card: Card, first: Card, fields: Iterable[int], one_deck: bool) -> None:
+    """ReadError where two cards of one id have other numbers (the first may stand in another file than the deck's)."""
+    if card is first or not (one_deck or card.path == first.path):
+        return
+    if card.name != first.name or any(card.real(i) != first.real(i) for i in fields):
+        before = f"line {first.line}" + ("" if card.path == first.path else f" of {first.path.name}")
+        raise card.fail(f"{card.text(0)} is there already with other numbers ({before}); remove one of the two")
 
 
 def _from_points(card: Card, a: FloatArray, b: FloatArray, c: FloatArray) -> CoordinateSystem:

@@ -57,7 +57,7 @@ def read_geometry(path: Path) -> DisplayMesh:
     frames: the displacement system of each grid (its field CD).
     """
     cards = read_deck(path)
-    geometry = Geometry.of(cards)
+    geometry = Geometry.of(cards, one_deck=True)
     if not geometry.grids:
         raise ReadError(path, "has no GRID entries")
     nodes = geometry.nodes()
