@@ -93,6 +93,26 @@ def test_any_range_of_frequencies_is_solved_to_round_off(decades):
     np.testing.assert_allclose((found.vectors.T * size) @ found.vectors / np.outer(omega, omega), np.eye(N), atol=1e-9)
 
 
+@pytest.mark.parametrize("free", [False, True])
+@pytest.mark.parametrize("mass", [1e-6, 1e-12, 1e-16, 0.0])
+def test_many_nearly_massless_degrees_of_freedom_leave_lanczos_its_digits(mass, free):
+    """Every second mass of a chain of springs is tiny: without it, springs in series between the others."""
+    n = 300
+    k = 1e6 * sp.diags_array(
+        [-np.ones(n - 1), np.r_[1.0 if free else 2.0, np.full(n - 2, 2.0), 1.0], -np.ones(n - 1)], offsets=[-1, 0, 1]
+    )
+    m = sp.diags_array(np.where(np.arange(n) % 2, mass, 1.0))
+    rigid = np.ones((n, 1)) if free else np.zeros((n, 0))
+    found = sparse_eigenpairs(sp.csr_array(k), sp.csr_array(m), rigid, n_modes=8, max_omega2=None)
+    dense = dense_eigenpairs(k.toarray(), m.toarray(), rigid, n_modes=9)
+    kept = slice(rigid.shape[1], 8)
+    np.testing.assert_allclose(found.omega2[kept], dense.omega2[kept], rtol=1e-9)
+    assert found.residuals[kept].max() < 1e-7
+    main = np.r_[0.5 if free else 1.5, np.full(n // 2 - 2, 1.0), 0.5]  # the last one's spring leads to nothing
+    series = 1e6 * (np.diag(main) - 0.5 * np.eye(n // 2, k=1) - 0.5 * np.eye(n // 2, k=-1))
+    np.testing.assert_allclose(dense.omega2[kept], np.linalg.eigvalsh(series)[kept], rtol=1e-8 + 4 * mass)
+
+
 def test_fewer_modes_are_the_first_of_all():
     k, m, omega2, _ = known(40)
     for limits in ({"n_modes": 3}, {"max_omega2": omega2[4]}, {"n_modes": 12, "max_omega2": omega2[5]}):

@@ -279,7 +279,7 @@ def _refuse_indefinite(mass: Any) -> None:
 
 
 def _small_shift(k: Any, m: Any) -> float:
-    """A shift far below the first elastic mode: 1e-10 of the mesh's stiffest ratio k_ii / m_ii (rad/s)^2."""
-    diagonal = m.diagonal()
-    ratio = k.diagonal()[diagonal > 0] / diagonal[diagonal > 0]
-    return float(1e-10 * np.max(ratio, initial=1e-10))
+    """A shift far below the first elastic mode: 1e-10 of all k_ii over all m_ii, (rad/s)^2. That is what round-off of K leaves to
+    a rigid-body motion, times 1e6; a ratio of single DOF has no bound where one has hardly any mass."""
+    stiff, heavy = (float(abs(matrix.diagonal()).sum()) for matrix in (k, m))
+    return 1e-10 * stiff / heavy if stiff > 0 and heavy > 0 else 1e-20
