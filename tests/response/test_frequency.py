@@ -116,8 +116,8 @@ def test_near_rigid_modes_that_damping_couples_keep_twelve_digits(slow, loosely,
     damping = np.outer(size, size) * (X @ X.T) / n
     forces = rng.normal(size=(n, 2))
     plant = ModalPlant(omega=omega, zeta=0.0, damping=damping, shape_in=forces, inputs=["f", "g"], outputs=["x", "y"], **kinds)
-    hz, solved, solution = np.geomspace(1e-3, 2e4, 200), [], coupled_modes._by_solution
-    monkeypatch.setattr(coupled_modes, "_by_solution", lambda p, k, w, **s: (solved.append(w.size), solution(p, k, w, **s))[1])
+    hz, solved, solution = np.geomspace(1e-3, 2e4, 200), [], coupled_modes._solved
+    monkeypatch.setattr(coupled_modes, "_solved", lambda plant, w: (solved.append(w.size), solution(plant, w))[1])
     found = frequency_response(plant, hz).values
     assert max(solved) <= coupled_modes.FEW, "poles and residues do it, without a solution at every frequency"
     for k in range(0, hz.size, 7):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -152,11 +152,10 @@ def _holds(plant: ModalPlant, near: npt.NDArray[np.bool_], fast: _FastModes, kin
     found = _by_poles(plant, near, fast, kinds, w)
     if found is None:
         return False
-    sizes = [(rows, order, abs(shapes)) for rows, order, shapes in kinds]
-    distance = abs(1j * w[:, None] - fast.poles).min(axis=1)
-    allowed = CHECKED + RESONANT * w / distance
-    off = abs(found - _by_solution(plant, kinds, w))
-    return bool((off <= allowed[:, None, None] * _by_solution(plant, sizes, w, sizes=True).real).all())
+    eta, s = _solved(plant, w), np.asarray(1j * w, dtype=np.complex128)
+    terms = _shown(plant, [(rows, order, abs(shapes)) for rows, order, shapes in kinds], abs(eta) + 0j, abs(s) + 0j)
+    allowed = CHECKED + RESONANT * w / abs(s[:, None] - fast.poles).min(axis=1)
+    return bool((abs(found - _shown(plant, kinds, eta, s)) <= allowed[:, None, None] * abs(terms)).all())
 
 
 def _clear_of(poles: ComplexArray, omega: FloatArray) -> bool:
@@ -165,20 +164,30 @@ def _clear_of(poles: ComplexArray, omega: FloatArray) -> bool:
     return not any((abs(1j * omega - p) <= 1e-12 * abs(poles).max()).any() for p in near)
 
 
-def _by_solution(plant: ModalPlant, kinds: list[Kind], omega: FloatArray, *, sizes: bool = False) -> ComplexArray:
-    """(nf, ny, nu) by (wn^2 - w^2 + i w Z) eta = b, one factorisation a frequency; sizes: of the terms |c| |eta| instead."""
+def _by_solution(plant: ModalPlant, kinds: list[Kind], omega: FloatArray) -> ComplexArray:
+    """(nf, ny, nu), one factorisation a frequency."""
+    return _shown(plant, kinds, _solved(plant, omega), np.asarray(1j * omega, dtype=np.complex128))
+
+
+def _solved(plant: ModalPlant, omega: FloatArray) -> ComplexArray:
+    """eta (nf, n, nu) of (wn^2 - w^2 + i w Z) eta = b; InputError on a pole without damping."""
     assert plant.damping is not None
-    out = np.zeros((omega.size, len(plant.outputs), len(plant.inputs)), dtype=complex)
+    eta = np.empty((omega.size, *plant.shape_in.shape), dtype=complex)
     for k, w in enumerate(omega):
         dynamic = np.diag((plant.omega - w) * (plant.omega + w)) + 1j * w * plant.damping
         try:
-            eta = np.linalg.solve(dynamic, plant.shape_in.astype(complex))
+            eta[k] = np.linalg.solve(dynamic, plant.shape_in.astype(complex))
         except np.linalg.LinAlgError:
             mode = int(np.argmin(abs(plant.omega - w)))
             raise InputError(
                 f"modal plant {plant.name!r}: {w / (2 * np.pi):.9g} Hz lies on a pole without damping, near mode {mode} "
                 "(counted from 0); move the frequency"
             ) from None
-        for rows, order, shapes in kinds:
-            out[k, rows] += w**order * (shapes @ abs(eta)) if sizes else (1j * w) ** order * (shapes @ eta)
+    return eta
+
+
+def _shown(plant: ModalPlant, kinds: list[Kind], eta: Any, s: Any) -> ComplexArray:
+    out = np.zeros((s.size, len(plant.outputs), len(plant.inputs)), dtype=complex)
+    for rows, order, shapes in kinds:
+        out[:, rows] += s[:, None, None] ** order * (shapes @ eta)
     return out
