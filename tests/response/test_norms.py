@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from flexplant.errors import InputError
+from flexplant.loop.random import random_response
 from flexplant.plant.discretize import discretize
 from flexplant.plant.modal import ModalPlant
 from flexplant.plant.state_space import StateSpace, state_space
@@ -148,5 +149,6 @@ def test_plants_without_channels_have_empty_responses_and_no_gain(damping, nu, n
     for form in (plant, state_space(plant)):
         assert frequency_response(form, hz).shape == (ny, nu, 20)
         assert hinf_norm(form).value == 0.0
+        assert random_response(form, np.zeros((nu, nu, 20)), hz).rms.values.tolist() == [0.0] * ny
         with pytest.raises(InputError, match="gain at 0 Hz is zero"):
             bandwidth_hz(form)
