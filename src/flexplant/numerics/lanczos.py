@@ -15,7 +15,7 @@ from flexplant.numerics.products import product
 
 Progress: TypeAlias = Callable[[str, float], None]
 SEED = 20190811
-BLOCK = 8  # a block of 8 columns solves 4-5 times cheaper a column than one by one
+BLOCK = 8  # a block of 8 columns takes little more time to solve than one
 TOLERANCE = 1e-8  # of a Ritz value of the inverse: eigenvalues then are exact to round-off
 BASIS_BYTES = 4e9  # the basis never takes more; beyond that Lanczos restarts thickly
 FIRST_TEST = 6  # blocks, and two columns a wanted mode: no basis has been seen to converge before
