@@ -100,7 +100,7 @@ def normal_modes(model: Modal, *, max_frequency_hz: float | None = None, n_modes
     Modes up to `max_frequency_hz`, or the first `n_modes` (rigid-body modes counted), or all finite ones of a small
     model. Multipliers carry no mass, so the dual and primal forms share their finite modes; both are solved in the
     eliminated coordinates. Rigid-body modes are those geometric motions (or, without geometry, that null space) whose
-    strain energy is round-off; they are deflated and leave as exact zeros. Massless directions are condensed statically.
+    strain energy is round-off; they are deflated and leave as exact zeros. Massless directions follow statically.
     Raises InputError for impossible requests, SolverError for an indefinite mass or a massless mechanism.
     """
     _check_request(max_frequency_hz, n_modes)
