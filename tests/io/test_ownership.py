@@ -188,3 +188,38 @@ def test_a_path_that_cannot_be_looked_up_is_told_as_such() -> None:
     for path in ("x" * 5000 + ".op4", "x" * 300 + ".mat"):
         with pytest.raises(WriteError, match="cannot write"):
             write_component(component(), path)
+
+
+READABLE = [s for k, s in WRITES if k == "write_component" and s not in (".m", ".hdf5")]
+
+
+@pytest.mark.parametrize("first", READABLE)
+def test_two_formats_of_one_stem_are_both_read_or_the_second_is_refused(tmp_path: Path, first: str) -> None:
+    here = replace(jacket(), nodes=Nodes(ids=[1], positions=[[0.0, 0, 0]]))
+    for second in (s for s in READABLE if s != first):
+        folder = tmp_path / second[1:]
+        folder.mkdir()
+        write_component(here, folder / f"bus{first}")
+        try:
+            write_component(replace(here, stiffness=2 * np.eye(7)), folder / f"bus{second}")
+        except WriteError:
+            assert {first, second} & {".op4", ".pch"}, "only files that one Nastran run would write together"
+        else:
+            assert read_component(folder / f"bus{second}").stiffness[6, 6] == 2.0
+        assert read_component(folder / f"bus{first}").stiffness[6, 6] == 1.0
+
+
+def test_a_sidecar_is_only_for_the_file_that_it_names(tmp_path: Path) -> None:
+    """Plain matrices beside our `.mat` are not what its sidecar speaks of, unless the reader says so; both can be renamed."""
+    write_component(jacket(), tmp_path / "bus.mat")
+    np.savez(tmp_path / "bus.npz", mass=np.eye(7), stiffness=3 * np.eye(7))
+    with pytest.raises(ReadError, match="not recognised"):
+        read_component(tmp_path / "bus.npz")
+    with pytest.raises(ReadError, match=r"bus\.yaml says that it is another file's"):
+        read_component(tmp_path / "bus.npz", format="npz_matrices")
+    assert read_component(tmp_path / "bus.npz", format="npz_matrices", sidecar=tmp_path / "bus.yaml").stiffness[0, 0] == 3.0
+    for ending in (".mat", ".yaml"):
+        (tmp_path / f"bus{ending}").rename(tmp_path / f"new{ending}")
+    assert read_component(tmp_path / "new.mat").name == "jacket"
+    (tmp_path / "own.yaml").write_text("boundary: [[1, 1]]\n")  # a sidecar that names no file, beside a file that needs none
+    assert read_component(write_component(jacket(), tmp_path / "own.npz")).name == "jacket"

@@ -13,11 +13,13 @@ recovery: {sensor: {matrix: CS, labels: [x, y], units: m}}
 display: bus_display.npz                   # in the same folder: nodes, positions, matrix, quads, lines
 source: where it comes from
 surrogate: true
+file: bus.mat                              # optional: not the sidecar of files with another ending, such as bus.npz
 """
 
 from __future__ import annotations
 
 import operator
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -27,6 +29,7 @@ import numpy as np
 
 from flexplant.errors import InputError, ModelError, ReadError, nearest
 from flexplant.io.parse.coordinates import CoordinateSystem
+from flexplant.io.parse.files import read_head
 from flexplant.io.parse.yaml_lines import LinedYaml, read_yaml
 from flexplant.model.component import check_name
 from flexplant.model.dofs import DofSet
@@ -34,8 +37,9 @@ from flexplant.model.geometry import Nodes, check_rotation
 from flexplant.model.units import unit_system
 
 KEYS = ("name", "matrices", "boundary", "dofs", "modal", "nodes", "frames", "systems", "units", "recovery", "display", "source",
-        "surrogate")  # fmt: skip
+        "surrogate", "file")  # fmt: skip
 KINDS = ("mass", "stiffness", "damping")
+FILE_LINE = re.compile(rb"""^file: *["']?([^"'#\r\n]*[^"'#\s])""", re.MULTILINE)
 SYSTEM_TYPES = {"rectangular": "R", "cylindrical": "C", "spherical": "S"}
 
 
@@ -74,17 +78,28 @@ class Sidecar:
 
 
 def sidecar_path(path: Path) -> Path | None:
-    """The sidecar beside a matrix file: same stem, .yaml or .yml."""
-    return next((p for p in (path.with_suffix(".yaml"), path.with_suffix(".yml")) if p.is_file()), None)
+    """The sidecar beside a matrix file: same stem, .yaml or .yml, and not one that says it is another file's."""
+    return next((p for p in _beside(path) if _belongs(p, path)), None)
+
+
+def _beside(path: Path) -> list[Path]:
+    return [p for p in (path.with_suffix(".yaml"), path.with_suffix(".yml")) if p.is_file()]
+
+
+def _belongs(sidecar: Path, path: Path) -> bool:
+    """By the ending, since both may have been given another name together."""
+    said = FILE_LINE.search(read_head(sidecar))
+    return said is None or Path(said[1].decode("utf-8", "replace")).suffix.lower() == path.suffix.lower()
 
 
 def find_sidecar(path: Path, given: str | Path | None) -> Sidecar:
     """The sidecar that was given, or the one beside the file; ReadError that says what to write if there is none."""
     found = Path(given) if given is not None else sidecar_path(path)
     if found is None:
+        others = "".join(f"; {p.name} says that it is another file's" for p in _beside(path))
         raise ReadError(
             path, f"plain matrices need a sidecar that says what the rows are: {path.with_suffix('.yaml').name} beside it "
-            "(keys: matrices, boundary or dofs, nodes, units, ...) or sidecar=..."
+            f"(keys: matrices, boundary or dofs, nodes, units, ...) or sidecar=...{others}"
         )  # fmt: skip
     return read_sidecar(found)
 

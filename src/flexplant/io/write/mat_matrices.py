@@ -37,6 +37,7 @@ def write_component(component: Component, path: Path, *, target: Path) -> None:
     kinds = list(variables)
     variables["boundary"] = np.array(component.boundary.pairs, dtype=float).reshape(-1, 2)
     lines = [f"# {comment(component.name)}: {mark(NAME)}, what the rows of {comment(target.name)} are"]
+    lines += [f"file: {json.dumps(target.name)}"]
     lines += [f"name: {json.dumps(component.name)}", f"matrices: {json.dumps({kind: kind for kind in kinds})}"]
     lines.append(f"boundary: {json.dumps([[node, str(direction)] for node, direction in component.boundary.pairs])}")
     lines.append(f"modal: {component.n_modal}")
