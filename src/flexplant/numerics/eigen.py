@@ -202,7 +202,7 @@ def shift_invert(
     Without a count the number of modes is doubled until one lies above the limit. A mode repeated more often than a block is
     wide can be missed. So modes are compared with a count: of all below the limit where `wanted` has one, else of those below
     the last group of equal ones, which takes one more factorisation (verify_count: True always, False never, None where it
-    is cheap beside the solutions). Where fewer were found a wider block tries again, and SolverError follows.
+    is cheap beside the solutions). Where fewer were found wider blocks try again, up to that count; then SolverError follows.
     """
     block = BLOCK if factor.fill < DENSE_FACTOR * problem.mass.shape[0] else 2 * BLOCK
     widest = WIDER * block
@@ -213,9 +213,9 @@ def shift_invert(
         if expected is None or have == expected:
             rest = residuals(problem.stiffness, problem.mass, found.omega2, found.vectors)
             return Eigenpairs(found.omega2, found.vectors, 0, rest, expected is not None)
-        if block == widest:
+        if block >= (widest if have > expected else max(widest, expected)):  # a wider block never finds fewer modes
             raise SolverError(f"{expected} modes lie below the limit, but only {have} were found; change the limit")
-        block = widest
+        block = widest if block < widest else min(2 * block, expected)
 
 
 def _searched(
