@@ -257,7 +257,7 @@ print(harmonic_response(damped, tones).values.tobytes().hex(), frequency_respons
 
 
 def test_one_and_more_threads_give_the_same_bits():
-    """Open loop, mirror, a saturation around the modes, a loop in its own modes, a dense block, pieces of a run, tones, responses."""
+    """Open loop, mirror, a saturation around the modes, a loop in its own modes, a dense block, pieces of a run, and tones."""
     found = []
     for threads in ("1", "2", "3"):
         names = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
