@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from pathlib import Path
 
@@ -123,6 +124,31 @@ def test_ansys_hbmat_mapping_and_decimal_commas(tmp_path: Path) -> None:
     at = read.dofs.rows(PAIRS)
     np.testing.assert_array_equal(read.stiffness.toarray()[np.ix_(at, at)], m.stiffness)
     np.testing.assert_array_equal(read.nodes.positions, NODES.positions)
+
+
+def test_the_four_files_of_the_ansys_lines_in_the_documentation(tmp_path: Path) -> None:
+    """As *EXPORT,,MMF writes matrices and the integer vector BACK, and *VWRITE with (F9.0,3E24.15) the coordinates."""
+    page = (Path(__file__).parents[2] / "docs" / "formats.md").read_text(encoding="utf-8")
+    named = re.findall(r"^    \*(?:EXPORT,\w+,MMF|CFOPEN),(\w+)[.,]txt$", page, flags=re.MULTILINE)
+    assert len(named) == 4
+    assert set(re.findall(r"^    \*EXPORT,(\w+),", page, flags=re.MULTILINE)) <= set(
+        re.findall(r"^    \*(?:SMAT|VEC),(\w+),[DI],IMPORT,FULL,", page, flags=re.MULTILINE)
+    )
+    m, back = model(), RNG.permutation(IDS)
+    order = [PAIRS.index((node, d)) for node in back.tolist() for d in (1, 2, 3)]
+    head = "%%MatrixMarket matrix {} {} \n% Creator: ANSYS Inc\n% \n"
+    for name, matrix in zip(named[:2], (m.stiffness, m.mass), strict=True):
+        half = triplets(matrix[np.ix_(order, order)], "lower")
+        body = "".join(f"{i + 1} {j + 1} {v:.17E}\n" for i, j, v in half)
+        (tmp_path / f"{name}.txt").write_text(head.format("coordinate", "real symmetric") + f"12 12 {len(half)}\n{body}")
+    vector = "".join(f"{node}\n" for node in back)
+    (tmp_path / f"{named[2]}.txt").write_text(head.format("array", "integer general") + f"4 1\n{vector}")
+    numbers = ["".join(f"{v:24.14E}" for v in _at(node)) for node in IDS]
+    (tmp_path / f"{named[3]}.txt").write_text("".join(f"{node:8d}.{xyz}\n" for node, xyz in zip(IDS, numbers, strict=True)))
+    read = read_model(tmp_path / f"{named[0]}.txt")
+    at = read.dofs.rows(PAIRS)
+    np.testing.assert_array_equal(read.stiffness.toarray()[np.ix_(at, at)], m.stiffness)
+    np.testing.assert_allclose(read.nodes.positions, NODES.positions, rtol=1e-14)
 
 
 def test_sierra_reductions_in_either_order(tmp_path: Path) -> None:

@@ -1,8 +1,8 @@
 """Ansys matrices as Matrix Market text (`*EXPORT, ..., MMF`) with the table that says which DOF the rows are.
 
-The table is either the vector of node ids (`*EXPORT` of the NOD2BCS / mapping vector: one id for each block of rows) or the
-mapping text of HBMAT (`equation  node  UX`). Rows are not in node order. Coordinates: a table "node x y z", decimal commas
-allowed, or none.
+The table is either the vector of node ids (`*EXPORT` of `*VEC,,I,IMPORT,FULL,,BACK`: one id for each block of rows, where all
+nodes have the same free DOF) or the mapping text of HBMAT (`equation  node  UX`). Rows are not in node order. Coordinates: a
+table "node x y z", decimal commas allowed, or none. docs/formats.md has the lines that write all four.
 """
 
 from __future__ import annotations
