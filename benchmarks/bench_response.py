@@ -425,8 +425,7 @@ def measured(row: Row, rounds: int) -> str:
         cells = [
             f"{1e3 * np.median(ours):.4g} ms",
             f"{middle:.3g} ({low:.3g} to {high:.3g})",
-            f"{row.target:.3g}",
-            verdict,
+            *judged(row, verdict),
             accuracy,
         ]
     else:
@@ -434,8 +433,13 @@ def measured(row: Row, rounds: int) -> str:
         middle = np.median(values)
         good = middle >= row.target if row.unit == "M/s" else middle <= row.target
         spread = f"{min(values):.3g} to {max(values):.3g} {row.unit}"
-        cells = [f"{middle:.3g} {row.unit}", spread, f"{row.target:.3g}", "met" if good else "missed", accuracy]
+        cells = [f"{middle:.3g} {row.unit}", spread, *judged(row, "met" if good else "missed"), accuracy]
     return f"| {row.work} | {row.peer} | " + " | ".join(cells) + " |"
+
+
+def judged(row: Row, verdict: str) -> tuple[str, str]:
+    """The target and whether it is reached; nothing where there is none (0, infinity)."""
+    return (f"{row.target:.3g}", verdict) if 0 < row.target < np.inf else ("-", "")
 
 
 def started(code: str, **environment: str) -> float:
