@@ -8,6 +8,8 @@ Methods, alternating, each run in its own process so that its peak memory is its
   eigsh+rslab      scipy eigsh with a factor of rslab as OPinv, constraint modes by that factor; tolerance 1e-6, at which it
                    takes the fewest solutions it ever takes and its residual is about flexplant's
   eigsh+supernodal the same with flexplant's own factor, the one that "flexplant" uses
+  eigsh+pardiso    the same with MKL's or SuiteSparse's factor, where the extras mkl and cholmod are installed; one run, not in the table:
+  eigsh+cholmod      python benchmarks/bench_reduction.py --case solid103k --job eigsh+pardiso
   eigsh+tol0       eigsh+rslab at eigsh's own default tolerance
   flexplant+count  verify_count=True: the modes are proved complete, by one more factorisation
   eigsh            scipy eigsh(sigma=0) as a user calls it (SuperLU), constraint modes by one more splu
@@ -128,6 +130,14 @@ def eigsh_own_factor_job(model, boundary):
     return eigsh_factor_job(model, boundary, "supernodal")
 
 
+def eigsh_pardiso_job(model, boundary):
+    return eigsh_factor_job(model, boundary, "pardiso")
+
+
+def eigsh_cholmod_job(model, boundary):
+    return eigsh_factor_job(model, boundary, "cholmod")
+
+
 def eigsh_default_job(model, boundary):
     return eigsh_factor_job(model, boundary, tolerance=0)
 
@@ -167,6 +177,8 @@ JOBS = {
     "flexplant": flexplant_job,
     "eigsh+rslab": eigsh_factor_job,
     "eigsh+supernodal": eigsh_own_factor_job,
+    "eigsh+pardiso": eigsh_pardiso_job,
+    "eigsh+cholmod": eigsh_cholmod_job,
     "eigsh+tol0": eigsh_default_job,
     "flexplant+count": counted_job,
     "eigsh": eigsh_job,
