@@ -8,7 +8,7 @@ Methods, alternating, each run in its own process so that its peak memory is its
   eigsh+rslab      scipy eigsh with a factor of rslab as OPinv, constraint modes by that factor; tolerance 1e-6, at which it
                    takes the fewest solutions it ever takes and its residual is about flexplant's
   eigsh+supernodal the same with flexplant's own factor, the one that "flexplant" uses
-  eigsh+pardiso    the same with MKL's or SuiteSparse's factor, where the extras mkl and cholmod are installed; one run, not in the table:
+  eigsh+pardiso    the same with MKL's or SuiteSparse's factor, where these extras are installed; one run, not in the table:
   eigsh+cholmod      python benchmarks/bench_reduction.py --case solid103k --job eigsh+pardiso
   eigsh+tol0       eigsh+rslab at eigsh's own default tolerance
   flexplant+count  verify_count=True: the modes are proved complete, by one more factorisation
