@@ -275,10 +275,10 @@ def test_ctrl_c_in_the_middle_of_the_demo_leaves_nothing(tmp_path):
     while not list(out.glob(".partial-*")) and time.monotonic() < deadline:
         time.sleep(0.05)
     time.sleep(1.0)  # well inside the work
-    for _ in range(5):  # the interpreter drops an interrupt that arrives inside a finaliser
+    for _ in range(5):  # finalisers, and libraries that catch everything, drop an interrupt that arrives inside them
         process.send_signal(signal.SIGINT)
         with suppress(subprocess.TimeoutExpired):
-            _, said = process.communicate(timeout=6)
+            _, said = process.communicate(timeout=2)  # well before the demo would have ended by itself
             break
     assert process.returncode == 130, said
     assert said.strip() == "flexplant: interrupted; nothing was written"
