@@ -99,16 +99,13 @@ def component_to_si(component: Component, units: Units) -> Component:
 
 def component_in_si(component: Component, system: UnitSystem) -> Component:
     """As `component_to_si`, of a component whose source speaks of the file."""
-    d, energy = _old_per_si(component.dofs, system), system.mass * system.length**2
+    d = _old_per_si(component.dofs, system)
     rows = [_recovery_to_si(r, component, d, system) for r in component.recovery.values()]
     return replace(
         component,
-        mass=_scaled(component.mass, d, energy * system.mass_factor),
-        stiffness=_scaled(component.stiffness, d, energy),
-        damping=_scaled(component.damping, d, energy),
-        structural_damping=_scaled(component.structural_damping, d, energy),
+        **_matrices_to_si(component, d, system),
+        structural_damping=_scaled(component.structural_damping, d, _energy(system)),
         interior_rows=_interior_to_si(component, d, system),
-        nodes=_nodes_to_si(component.nodes, system),
         recovery={r.name: r for r in rows},
         **_units_of_result(component, system),
     )
@@ -133,12 +130,18 @@ def model_to_si(model: FiniteElementModel, units: Units) -> FiniteElementModel:
 
 def model_in_si(model: FiniteElementModel, system: UnitSystem) -> FiniteElementModel:
     """As `model_to_si`, of a model whose source speaks of the file."""
-    d, energy = _old_per_si(model.dofs, system), system.mass * system.length**2
-    return replace(
-        model,
-        mass=_scaled(model.mass, d, energy * system.mass_factor),
-        stiffness=_scaled(model.stiffness, d, energy),
-        damping=_scaled(model.damping, d, energy),
-        nodes=_nodes_to_si(model.nodes, system),
-        units=SI.name,
-    )
+    return replace(model, **_matrices_to_si(model, _old_per_si(model.dofs, system), system), units=SI.name)
+
+
+def _energy(system: UnitSystem) -> float:
+    return system.mass * system.length**2
+
+
+def _matrices_to_si(of: Component | FiniteElementModel, d: FloatArray, system: UnitSystem) -> dict[str, Any]:
+    """Mass, stiffness, damping and nodes, which components and models have alike."""
+    return {
+        "mass": _scaled(of.mass, d, _energy(system) * system.mass_factor),
+        "stiffness": _scaled(of.stiffness, d, _energy(system)),
+        "damping": _scaled(of.damping, d, _energy(system)),
+        "nodes": _nodes_to_si(of.nodes, system),
+    }
